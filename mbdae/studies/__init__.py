@@ -1,1 +1,1 @@
-"""Studies: order, drift, cards, figures, replay and others."""
+"""Studies of mechanisms: runs, errors, statics, design, figures and replays."""

@@ -27,16 +27,16 @@ def read_columns(path: str | Path) -> Columns:
         raise InputError(f"{path} cannot be read: {' '.join(str(e).split())}") from None
 
 
-def check_headings(file: str, headed: Mapping[str, str], known: Mapping[str, str]) -> None:
+def check_headings(file: str, heading_units: Mapping[str, str], signal_units: Mapping[str, str]) -> None:
     """Reject a heading whose unit is not one of the signal of this name.
 
     Args:
-        file: for messages.
-        headed: units of headings by name.
-        known: units of signals in SI.
+        file: name of the file, for messages.
+        heading_units: units in the headings, by column.
+        signal_units: SI units of the signals, by name.
 
     Raises:
         InputError: names the column and lists its units.
     """
-    for name in headed.keys() & known.keys():
-        require_kind(headed[name], known[name], f"{file}: column {name!r}")
+    for name in heading_units.keys() & signal_units.keys():
+        require_kind(heading_units[name], signal_units[name], f"{file}: column {name!r}")

@@ -1,4 +1,4 @@
-"""Factories of mechanisms with other values of their parameters: files, loaded mechanisms, functions."""
+"""Factories of mechanisms with given values of their parameters: from files, loaded mechanisms and functions."""
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
@@ -31,22 +31,22 @@ class ParametricFactory(MechanismFactory, Protocol):
 
 
 class FunctionFactory:
-    """Factory from a user's function: its arguments are the parameters, and so are start values."""
+    """Factory from a user's function: the parameters are its arguments and start values."""
 
     def __init__(self, function: Callable[..., Mechanism]) -> None:
         self.function, self.name = function, function_name(function)
         try:
-            found = inspect.signature(function).parameters.values()
+            arguments = inspect.signature(function).parameters.values()
         except (TypeError, ValueError):  # for a function written in C
             raise InputError(f"model {self.name!r} has no readable signature: give a Python function") from None
-        self.parameters = tuple(p.name for p in found if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY))
-        self.any = any(p.kind == p.VAR_KEYWORD for p in found)
+        self.parameters = tuple(p.name for p in arguments if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY))
+        self.accepts_any_name = any(p.kind == p.VAR_KEYWORD for p in arguments)
 
     def check(self, values: Mapping[str, object], others: Sequence[str] = ()) -> None:
         """See `ParametricFactory`."""
         start = [name for name in values if name.startswith(START)]
         for name in values:
-            if not (name in self.parameters or name in start or (self.any and name.isidentifier())):
+            if not (name in self.parameters or name in start or (self.accepts_any_name and name.isidentifier())):
                 raise UnknownNameError(f"parameter of {self.name}", name, (*self.parameters, "start. ...", *others))
         if start:
             mech = self.make({name: x for name, x in values.items() if name not in start})
@@ -89,7 +89,7 @@ def factory_of(model: Any) -> ParametricFactory:
 
 
 def with_tables_loaded(model: Any) -> Any:
-    """Return a model, and tables as their mechanism."""
+    """Return the mechanism of tables; any other model unchanged."""
     return load(model) if isinstance(model, Mapping) else model
 
 

@@ -44,7 +44,7 @@ STYLE: Any = {  # matplotlib's keys
     "lines.linewidth": 1.2,
     "lines.markersize": 4.5,
     "lines.markeredgewidth": 0.9,
-    "figure.dpi": 200,  # slightly affects the width of letters
+    "figure.dpi": 200,  # slightly affects the width of characters
     "savefig.dpi": 200,
     "svg.hashsalt": "mbdae",
     "pdf.fonttype": 42,
@@ -65,7 +65,7 @@ STYLES = {  # a hue for a family, a shade and a marker for a method
     "RK45": ("#969696", "<"), "DOP853": ("#252525", "p"), "Radau": ("#636363", "X"), "LSODA": ("#525252", "h"),
 }  # fmt: skip
 DEFAULT_STYLE = ("#17becf", "d")
-QUANTITY_NAMES = {  # by unit
+QUANTITY_NAMES = {  # names of quantities by unit
     "rad": "angles", "m": "positions", "1": "quaternions", "rad/s": "angular velocities", "m/s": "speeds",
     "J": "energies", "N": "forces", "N m": "torques", "W": "powers", "rad/s^2": "angular accelerations",
     "m/s^2": "accelerations", "kg m/s": "momentum", "kg m^2/s": "angular momentum", "m, rad": "residuals",
@@ -161,7 +161,7 @@ def curve_style(i: int) -> dict[str, Any]:
 
 
 def positive(values: np.ndarray) -> np.ndarray:
-    """Return values for a logarithmic axis, with gaps at zero."""
+    """Return values for a logarithmic axis, with nan in place of values that are not positive."""
     return np.where(values > 0, values, np.nan)
 
 

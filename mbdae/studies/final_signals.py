@@ -1,4 +1,4 @@
-"""Signals at the ends of runs that were solved in the core."""
+"""Signals at the end of runs that were solved in the core."""
 
 from collections.abc import Sequence
 
@@ -13,15 +13,15 @@ from ..solution.signals import signals
 from ..solution.solution import Solution
 from ..system import Array
 
-OF_MOTION = ("t", "y", "position", "gap", *RESIDUALS)  # kinds of signals
+KINEMATIC_KINDS = ("t", "y", "position", "gap", *RESIDUALS)  # kinds of signals that need no masses and forces
 
 
-def why_not_in_core(run: RunState, names: Sequence[str]) -> str:
-    """Return why runs with these signals need Python: a signal that depends on more than their ends, for example.
+def reason_not_in_core(run: RunState, names: Sequence[str]) -> str:
+    """Return why runs with these signals need Python, for example a signal that depends on the whole run.
 
     Args:
-        run: one of the runs, before its beginning.
-        names: signals.
+        run: one of the runs, before its first step.
+        names: names of the signals.
 
     Raises:
         UnknownNameError: for a signal that the mechanism does not have.
@@ -37,11 +37,11 @@ def why_not_in_core(run: RunState, names: Sequence[str]) -> str:
 def need_only_kinematics(mech: Mechanism, names: Sequence[str]) -> bool:
     """Return whether signals follow from t, q, v, s and geometry, without masses and forces."""
     known = signal_values(mech)
-    return all(name in known and known[name].kind in OF_MOTION for name in names)
+    return all(name in known and known[name].kind in KINEMATIC_KINDS for name in names)
 
 
 def signals_at_end(run: RunState, runs: CoreRuns, names: Sequence[str]) -> Array:
-    """Return signals at the end of the finished runs, (k, signals): those of a solution whose nodes are these ends."""
+    """Return signals at the end of the finished runs, (k, signals), by a solution whose nodes are the final states."""
     done = np.flatnonzero(runs.finished)
     if not names or not len(done):
         return np.empty((len(done), len(names)))

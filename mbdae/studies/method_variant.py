@@ -1,4 +1,4 @@
-"""A method in a formulation, as compared in studies, and its notation.
+"""Variants of methods that studies compare: a method in a formulation, and its notation.
 
 ``pherk5`` enforces closures at velocity level (index 2); ``project:pherk5`` also projects the state onto g = 0, G v = 0
 after each step; ``ggl:radau5`` enforces closures at both levels; ``index1:dop853`` integrates accelerations,
@@ -30,7 +30,7 @@ class Variant:
     """A method in a formulation, see the module.
 
     Attributes:
-        method: a name of `mbdae.METHODS`, ``"ida"``, or of scipy for ``"index1"``; a custom tableau.
+        method: a name of `mbdae.METHODS`, ``"ida"``, a method of scipy for ``"index1"``, or a custom tableau.
         formulation: ``"index2"``, ``"ggl"`` or ``"index1"``, as in `mbdae.solve`.
         project: project the state after each step.
         baumgarte: alpha and beta in 1/s.
@@ -85,7 +85,7 @@ class Variant:
 
     @property
     def controlled(self) -> bool:
-        """Whether the method controls its step sizes; it takes fixed steps alone otherwise."""
+        """Whether the method has step-size control; if not, it takes fixed steps only."""
         return bool(find_method(self.formulation, self.method).error_power)
 
     @property
@@ -103,7 +103,7 @@ class Variant:
 
 
 def variants(methods: str | Iterable[str | Variant], formulations: str | Iterable[str] | None = None) -> list[Variant]:
-    """Return variants from a list of methods, or one name; those without a formulation take each of ``formulations``.
+    """Return variants from methods, a list or one name; methods without a formulation get each of ``formulations``.
 
     Raises:
         InputError: for an empty list, or as for `Variant`.
@@ -160,7 +160,7 @@ def format_tolerance(x: float) -> str:
 
 
 def run_labels(sol: Solution) -> tuple[str, str]:
-    """Return the method of a run as a `Variant`, also with its step size or rtol."""
+    """Return the method of a run as the text of a `Variant`, without and with its step size or rtol."""
     method, settings = str(variant_from_settings(sol.settings)), sol.settings
     control = (
         f"h = {quantity(settings['step'], 's', 'g')}"

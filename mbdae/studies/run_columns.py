@@ -1,4 +1,4 @@
-"""Values of the parameters of many runs, as columns: by name, a value for each run."""
+"""Parameters of many runs as columns: a value for each run, by name."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence

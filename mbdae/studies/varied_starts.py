@@ -23,19 +23,19 @@ from ..system import Array
 from .factories import ParametricFactory
 from .run_columns import Indices, equal_rows, pick_rows, row
 
-FEWEST = 8  # runs for which parameters in place are sought: it takes longer than a few mechanisms
-SHARED = "model", "constraints", "forces", "settings"  # parts of mechanisms that runs may share
-FEWEST_SHARED = 3  # runs for which a mechanism is copied and its bodies are examined
+FEWEST = 8  # smallest number of runs for which parameters in place are sought, which takes as long as a few mechanisms
+SHARED = "model", "constraints", "forces", "settings"  # parts of mechanisms that are identical if runs share one
+FEWEST_SHARED = 3  # smallest number of runs for which a mechanism is copied and its bodies are examined
 Values = Mapping[str, Any]
 
 
-class Begun(NamedTuple):
-    """Runs of a group that can begin.
+class RunStarts(NamedTuple):
+    """Runs of a group that can begin, with their initial points.
 
     Attributes:
-        i: their indices, (k,).
-        y: their initial points, (k, n).
-        parameters: their parameters in place; the mechanism belongs to this thread if there are any.
+        i: indices of the runs, (k,).
+        y: initial points, (k, n).
+        parameters: parameters that are written in place; the mechanism belongs to this thread if there are any.
     """
 
     i: Array
@@ -47,12 +47,13 @@ class RunGroup(NamedTuple):
     """Runs that share a mechanism.
 
     Attributes:
-        mech: a mechanism with their parameters, but perhaps with other start values.
-        begin: returns those that can begin with it; the others follow with a mechanism each, unless it cannot be made.
+        mech: a mechanism with the parameters of the runs, but perhaps with other start values.
+        begin: returns the runs that can begin with this mechanism. Each remaining run forms a group of its own, unless
+            its mechanism cannot be made.
     """
 
     mech: Mechanism
-    begin: Callable[[], Begun]
+    begin: Callable[[], RunStarts]
 
 
 class _Shared(NamedTuple):
@@ -80,7 +81,7 @@ class VariedStarts:
     ) -> None:
         self.factory, self.n, self.start_time, self.supports_in_place = factory, n, start_time, supports_in_place
         self.shared, self._in_place = dict[Any, _Shared](), dict[tuple[str, ...], tuple[str, ...]]()
-        self._names = cache(self._start_values)  # all runs of a grid have the same
+        self._names = cache(self._start_values)  # computed once: all runs of a grid vary the same parameters
 
     def names(self, values: Iterable[str]) -> tuple[str, ...]:
         """Return the names that are start values; none for a function, which may return any mechanism."""
@@ -103,8 +104,8 @@ class VariedStarts:
         factory, supports = self.factory, self.supports_in_place
         if supports is None or not isinstance(factory, Template) or not supports(factory.make(values)):
             return ()
-        others = [name for name in names if name not in self.names(names)]
-        found = [name for name in others if in_place_parameters(factory, [name], values)]
+        candidates = [name for name in names if name not in self.names(names)]
+        found = [name for name in candidates if in_place_parameters(factory, [name], values)]
         return tuple(found) if len(found) < 2 or in_place_parameters(factory, found, values) else ()
 
     def groups(self, columns: Columns, n: int) -> Iterator[RunGroup]:
@@ -146,27 +147,27 @@ class VariedStarts:
             except Exception:
                 yield from self._single(columns, first)
                 continue
-            others = list[int]()  # that need a mechanism each
-            yield RunGroup(shared.mech, partial(self._begin, shared, columns, i[k:], others))
-            for other in others:
-                yield from self._single(columns, other)
+            separate = list[int]()  # runs that need a mechanism each
+            yield RunGroup(shared.mech, partial(self._begin, shared, columns, i[k:], separate))
+            for run in separate:
+                yield from self._single(columns, run)
             return
 
     def _single(self, columns: Columns, i: int) -> Iterator[RunGroup]:
-        def begin() -> Begun:
+        def begin() -> RunStarts:
             with suppress(Exception):
-                return Begun(np.array([i]), mech.point(t=self.start_time(mech))[None])
-            return Begun(np.array([], int), np.empty((0, 0)))
+                return RunStarts(np.array([i]), mech.point(t=self.start_time(mech))[None])
+            return RunStarts(np.array([], int), np.empty((0, 0)))
 
         with suppress(Exception):
             mech = self.factory.make(row(columns, i))
             yield RunGroup(mech, begin)
 
     def _shared(self, key: Any, in_place: Sequence[str], values: Values) -> _Shared:
-        """Return what runs share.
+        """Return the mechanism that runs share, with its initial points and parameters in place.
 
         Raises:
-            MbdaeError: if their mechanism cannot be made, or parameters of the first run be written in place.
+            MbdaeError: if the mechanism cannot be made, or parameters of the first run cannot be written in place.
         """
         if shared := self.shared.get(key):
             return shared
@@ -181,8 +182,8 @@ class VariedStarts:
         names = tuple(name.removeprefix(START) for name in self.names(values))
         return self.shared.setdefault(key, _Shared(mech, InitialPoints(mech, names, self.start_time(mech)), found))
 
-    def _begin(self, shared: _Shared, columns: Columns, i: Indices, others: list[int]) -> Begun:
-        """Return the runs that can begin, see `RunGroup`; append the others to a list."""
+    def _begin(self, shared: _Shared, columns: Columns, i: Indices, separate: list[int]) -> RunStarts:
+        """Return the runs that can begin, see `RunGroup`; append the remaining ones to ``separate``."""
         mech, points, found = shared
         parameters, which = RunParameters(), np.array(i)
         if found:
@@ -191,17 +192,17 @@ class VariedStarts:
             which, numbers = which[valid], numbers[valid]
             parameters = RunParameters(found.locations, numbers)
         starts = pick_rows(columns, which.tolist())
-        of_inertias = parameters if found and found.bodies else RunParameters()
-        y = points.at([starts[name] for name in self.names(columns)], len(which), of_inertias)
+        inertias = parameters if found and found.bodies else RunParameters()
+        y = points.at([starts[name] for name in self.names(columns)], len(which), inertias)
         if not found:
             for k in np.flatnonzero(np.isnan(y).any(axis=1)).tolist():
                 y[k] = self._point(mech, row(starts, k))
         valid = ~np.isnan(y).any(axis=1)
-        others += sorted({*i} - {*which[valid].tolist()})
-        return Begun(which[valid], y[valid], parameters.of_runs(valid))
+        separate += sorted({*i} - {*which[valid].tolist()})
+        return RunStarts(which[valid], y[valid], parameters.of_runs(valid))
 
     def _point(self, shared: Mechanism, values: Values) -> Array | float:
-        """Return the initial point of a run (n,) that shares a mechanism; nan if its own cannot be made, or differs."""
+        """Return the initial point (n,) of a run that shares a mechanism; nan if its own mechanism fails or differs."""
         with suppress(Exception):
             mech = self.factory.make(values)
             if all(getattr(mech, part) is getattr(shared, part) for part in SHARED):

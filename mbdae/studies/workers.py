@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import partial
 from itertools import islice
 from multiprocessing import get_context, parent_process
 from queue import SimpleQueue
@@ -19,10 +20,10 @@ from .. import backend
 from ..errors import InputError, MbdaeError, UnknownNameError, is_count
 
 KINDS = ("threads", "processes")
-QUEUED_PER_WORKER = 2  # submitted runs, so that no worker is idle
-SHORTEST_BATCH = 0.02  # s: preparation of a batch takes a tenth of it
+QUEUED_PER_WORKER = 2  # number of submitted runs per worker, so that none is idle
+SHORTEST_BATCH = 0.02  # s, ten times the time to prepare a batch
 MAX_WORKERS = 10_000
-UNKNOWN_EXECUTOR_WORKERS = 64  # assumed for an executor that does not report its number
+UNKNOWN_EXECUTOR_WORKERS = 64  # assumed for an executor that does not report its number of workers
 Stop = Callable[[], bool]
 Function = Callable[..., Any]  # (job, task, stop) -> result; custom executors call it without stop
 _worker: dict[str, Any] = {}  # in a worker process: the function, the shared job, and the stop flag
@@ -72,8 +73,8 @@ def batch_size(remaining: int, pending: int, seconds: float | None) -> int:
         pending: number of batches that are submitted at a time.
         seconds: wall time of a run; None if none has finished.
     """
-    fewest = int(SHORTEST_BATCH / seconds) if seconds else 1
-    return min(remaining, max(1, fewest, remaining // (2 * pending)))
+    shortest = int(SHORTEST_BATCH / seconds) if seconds else 1
+    return min(remaining, max(1, shortest, remaining // (2 * pending)))
 
 
 class Pool(NamedTuple):
@@ -81,7 +82,7 @@ class Pool(NamedTuple):
 
     Attributes:
         submit: submits a run, and returns its future.
-        workers: returns the present number of workers.
+        workers: returns the current number of workers.
     """
 
     submit: Callable[[Any], Future]
@@ -124,8 +125,8 @@ def _result(future: Future, task: object) -> Any:
     except MbdaeError:
         raise
     except (Exception, CancelledError) as e:
-        why = f"{type(e).__name__}: {e}" if str(e) else type(e).__name__
-        raise MbdaeError(f"{task} failed in its worker, finished runs are stored: {why}") from e
+        reason = f"{type(e).__name__}: {e}" if str(e) else type(e).__name__
+        raise MbdaeError(f"{task} failed in its worker, finished runs are stored: {reason}") from e
 
 
 @contextmanager
@@ -139,7 +140,7 @@ def pool(
     Args:
         executor: ``"threads"``, ``"processes"``, or an executor; None for threads with the compiled core, which
             releases the GIL, and processes without it.
-        workers: number of workers; one per processor when left out, those that it reports for a user's executor.
+        workers: number of workers; when left out one per processor, or the number that a user's executor reports.
         function: makes a run, ``function(job, task, stop)``; stops when ``stop()`` is true.
         job: data shared by all runs; sent to each process once.
         alternative: arguments that avoid processes, for the error message.
@@ -173,12 +174,13 @@ def pool(
         return
     if not isinstance(kind, Executor):
         raise InputError(f"executor is one of {', '.join(KINDS)}, or one of concurrent.futures, got {kind!r:.60}")
-    given: Executor = kind
-    yield Pool(lambda task: given.submit(function, job, task), lambda: workers or _number_of_workers(given))
+    user_executor: Executor = kind
+    submit = partial(user_executor.submit, function, job)
+    yield Pool(submit, lambda: workers or _number_of_workers(user_executor))
 
 
 def _number_of_workers(executor: Any) -> int:
-    """Return the present number of workers of a user's executor."""
+    """Return the current number of workers of a user's executor."""
     threads = getattr(getattr(executor, "_client", None), "nthreads", None)  # of Dask, whose clusters grow
     known = sum(threads().values()) if threads else getattr(executor, "_max_workers", None)
     return known or UNKNOWN_EXECUTOR_WORKERS

@@ -1,9 +1,9 @@
 "use strict";
 const data = JSON.parse(document.getElementById("data").textContent);
 const RUN = ["model", "method", "rtol", "n", "q", "v", "lam", "g", "Gv", "energy", "steps", "rejected", "solves", "f", "factorizations", "seconds", "status"];
-const WORKS = ["solves", "f", "seconds"], WORDS = ["linear solves", "evaluations of f", "CPU time in s"];
+const WORKS = ["solves", "f", "seconds"], WORK_LABELS = ["linear solves", "evaluations of f", "CPU time in s"];
 const FIRST = 60;  // rows of a table that are shown at once
-const EQUAL = 1.01;  // ratio of counts that are equal
+const EQUAL = 1.01;  // counts within this ratio are taken as equal
 const $ = id => document.getElementById(id);
 const state = { model: "", quantity: "q", low: -13, high: 1, work: 0, method: "" };
 const shown = { runs: FIRST, long: FIRST, failed: FIRST };
@@ -15,14 +15,14 @@ const methods = Object.fromEntries(data.methods.map(m => [m.name, m]));
 
 function tag(name, attributes = {}, ...children) {
   const svg = ["svg", "g", "line", "circle", "polyline", "text", "title"].includes(name);
-  const made = svg ? document.createElementNS("http://www.w3.org/2000/svg", name) : document.createElement(name);
+  const element = svg ? document.createElementNS("http://www.w3.org/2000/svg", name) : document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
-    if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
-    else if (key === "style") made.style.setProperty("--c", value);
-    else if (value !== null) made.setAttribute(key, value);
+    if (key.startsWith("on")) element.addEventListener(key.slice(2), value);
+    else if (key === "style") element.style.setProperty("--c", value);
+    else if (value !== null) element.setAttribute(key, value);
   }
-  made.append(...children);
-  return made;
+  element.append(...children);
+  return element;
 }
 
 const records = data.runs.map(row => {
@@ -37,9 +37,9 @@ const chosen = (allowed, method) => allowed.has(familyOf[method]) && method.incl
 
 function commandOf(run) {
   const setting = run.rtol === null ? `--steps ${run.n}` : `--rtol ${run.rtol.toExponential()}`;
-  return `mbdae compare ${models[run.model].typed} -m ${methods[run.method].typed} ${setting} --backend ${data.backend}`;
+  return `mbdae compare ${models[run.model].argument} -m ${methods[run.method].argument} ${setting} --backend ${data.backend}`;
 }
-const longCommand = x => `mbdae drift ${models[x.model].typed} -m ${methods[x.method].typed} --step ${x.step} -t ${x.end}`;
+const longCommand = x => `mbdae drift ${models[x.model].argument} -m ${methods[x.method].argument} --step ${x.step} -t ${x.end}`;
 
 function show(command, text) {
   const box = $("command"), [copy, close] = box.querySelectorAll("button");
@@ -51,7 +51,7 @@ function show(command, text) {
   box.hidden = false;
 }
 async function copied(text) {
-  try { await navigator.clipboard.writeText(text); return true; } catch { /* denied: the older interface */ }
+  try { await navigator.clipboard.writeText(text); return true; } catch { /* denied: fall back to execCommand */ }
   const area = tag("textarea");
   area.value = text;
   document.body.append(area);
@@ -71,13 +71,13 @@ function drawWins(allowed) {
   const table = $("wins").querySelector("table"), wins = new Map();
   const powers = [];
   for (let k = state.high; k >= state.low; k--) powers.push(k);
-  const found = data.models.filter(m => !state.model || m.name === state.model).map(m => [m, m.ranks[state.quantity]]);
-  const used = powers.filter(k => found.some(([, ranks]) => ranks.some(r => Math.round(Math.log10(r[0])) === k)));
-  const rows = found.map(([m, ranks]) => tag("tr", {}, tag("td", {}, tag("button", { onclick: () => choose("model", m.name) }, m.name)),
+  const ranked = data.models.filter(m => !state.model || m.name === state.model).map(m => [m, m.ranks[state.quantity]]);
+  const used = powers.filter(k => ranked.some(([, ranks]) => ranks.some(r => Math.round(Math.log10(r[0])) === k)));
+  const rows = ranked.map(([m, ranks]) => tag("tr", {}, tag("td", {}, tag("button", { onclick: () => choose("model", m.name) }, m.name)),
     ...used.map(k => winCell(m, ranks.find(r => Math.round(Math.log10(r[0])) === k), allowed, wins))));
   table.replaceChildren(tag("tr", {}, tag("th", {}, "model"), ...used.map(k => tag("th", { class: "text" }, power(k)))), ...rows);
   const score = [...wins].sort((a, b) => b[1] - a[1]).map(([name, n]) => tag("span", {}, dot(name), `${name} ${n}`, "  "));
-  $("score").replaceChildren(`Wins, ${WORDS[state.work]}: `, ...(score.length ? score : ["none"]));
+  $("score").replaceChildren(`Wins, ${WORK_LABELS[state.work]}: `, ...(score.length ? score : ["none"]));
 }
 function winCell(m, rank, allowed, wins) {
   const entries = rank ? rank[1 + state.work].filter(([i]) => chosen(allowed, data.methods[i].name)) : [];
@@ -100,20 +100,20 @@ function selected(allowed) {
   return records.filter(r => byName(r.model, r.method) && allowed.has(familyOf[r.method]) && inRange(r));
 }
 
-function drawChart(found) {
-  const work = WORKS[state.work], points = found.filter(r => r[work] > 0 && r[state.quantity] > 0), m = models[state.model];
+function drawChart(runs) {
+  const work = WORKS[state.work], points = runs.filter(r => r[work] > 0 && r[state.quantity] > 0), m = models[state.model];
   const unit = data.quantities[state.quantity];
   $("trust").textContent = m ? `${m.title}, 0 to ${m.duration} s; reference ${m.reference}, checked by ${m.cross_check}: errors of ${state.quantity} below ${format(m.floors[state.quantity])} are not known.`
     : "All models together: select one for its curves.";
   if (!points.length) { $("plot").replaceChildren(tag("p", {}, "No run has an error in this range.")); $("key").replaceChildren(); return; }
   const W = Math.max(300, Math.min(960, $("plot").clientWidth)), H = Math.max(320, Math.round(0.53 * W)), L = 56, B = 44, logs = points.map(r => [Math.log10(r[work]), Math.log10(r[state.quantity])]);
-  const ends = i => { const all = logs.map(p => p[i]); return [Math.floor(Math.min(...all) - 1e-9), Math.ceil(Math.max(...all) + 1e-9)]; };
-  const [x0, x1] = ends(0), [y0, y1] = ends(1);
+  const limits = i => { const all = logs.map(p => p[i]); return [Math.floor(Math.min(...all) - 1e-9), Math.ceil(Math.max(...all) + 1e-9)]; };
+  const [x0, x1] = limits(0), [y0, y1] = limits(1);
   const X = x => L + (W - L - 12) * (x - x0) / (x1 - x0), Y = y => 12 + (H - B - 12) * (y1 - y) / (y1 - y0);
   const svg = tag("svg", { viewBox: `0 0 ${W} ${H}`, width: W, height: H, role: "img", "aria-label": "error over work" });
   for (let k = x0; k <= x1; k++) svg.append(tag("line", { class: "grid", x1: X(k), x2: X(k), y1: Y(y1), y2: Y(y0) }), tag("text", { x: X(k), y: H - B + 18, "text-anchor": "middle" }, power(k)));
   for (let k = y0; k <= y1; k++) svg.append(tag("line", { class: "grid", x1: X(x0), x2: X(x1), y1: Y(k), y2: Y(k) }), tag("text", { x: L - 6, y: Y(k) + 4, "text-anchor": "end" }, power(k)));
-  svg.append(tag("text", { x: (W + L) / 2, y: H - 6, "text-anchor": "middle" }, WORDS[state.work]),
+  svg.append(tag("text", { x: (W + L) / 2, y: H - 6, "text-anchor": "middle" }, WORK_LABELS[state.work]),
     tag("text", { x: 14, y: (H - B) / 2, "text-anchor": "middle", transform: `rotate(-90 14 ${(H - B) / 2})` }, `error of ${state.quantity} (${unit})`));
   const names = [...new Set(points.map(r => r.method))];
   if (m) for (const name of names) {
@@ -161,10 +161,10 @@ function cell(name, value) {
 
 const failures = data.failed.map(([model, method, setting, status, reason]) => ({ model, method, setting, status, reason }));
 function draw() {
-  const allowed = families(), found = selected(allowed);
+  const allowed = families(), runs = selected(allowed);
   drawWins(allowed);
-  drawChart(found);
-  const n = drawTable("runs", found, commandOf);
+  drawChart(runs);
+  const n = drawTable("runs", runs, commandOf);
   $("runs").querySelector(".note").textContent = `${n} runs with an error of ${state.quantity} in the range; a click on a heading sorts. Errors are the largest over 20 common times; |g| and |G v| over all rows and steps.`;
   drawTable("long", data.long.filter(x => byName(x.model, x.method) && allowed.has(familyOf[x.method])), longCommand);
   const failed = failures.filter(x => byName(x.model, x.method) && (!familyOf[x.method] || allowed.has(familyOf[x.method])));

@@ -25,7 +25,7 @@ __all__ = ["atlas"]
 
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 REFINEMENTS = (1, 4, 16, 64)
-MOTIONS = 0.1  # progress when the references are computed
+MOTIONS = 0.1  # fraction of the progress once the references are computed
 Progress = Callable[[float, str], None]
 
 
@@ -45,8 +45,8 @@ def atlas(
     """Run all methods on many models, from their starts over their durations, and measure errors, work and drift.
 
     Errors are those of `mbdae.compare`, at 20 common times, relative to a run by a method of another family. Methods
-    run with tolerances, or with fixed steps if they take those alone. Conservative models also run over ten durations
-    with fixed steps, twice as many as the coarsest ones, for the trend of their energy. Times are CPU times.
+    run with tolerances, or with fixed steps if they have no step-size control. Conservative models also run over ten
+    durations with fixed steps, half as long as the coarsest ones, for the trend of their energy. Times are CPU times.
 
     With ``data`` each finished result is stored, and the same call resumes from the file; with more models or methods
     it computes what is missing. After Ctrl-C it returns the finished results.
@@ -62,9 +62,9 @@ def atlas(
             ``if __name__ == "__main__":``.
         workers: processes or threads; one per processor when left out.
         fresh: do not resume from the file, but replace it.
-        backend: of all runs. ``"auto"`` takes the compiled core, or Python without it. Methods and models that it does
-            not support are listed with the reason.
-        progress: called with the fraction done and a text.
+        backend: back end of all runs. ``"auto"`` takes the compiled core, or Python without it. Methods and models that
+            it does not support are listed with the reason.
+        progress: called with the completed fraction and a message.
 
     Raises:
         UnknownNameError: for an unknown model, method, back end or executor.
@@ -90,56 +90,56 @@ def atlas(
     }  # fmt: skip
     if data is not None and not isinstance(data, str | Path):
         raise InputError(f"data is the name of a file, got {data!r:.60}")
-    work = _Work(AtlasData(Path(data) if data else None, about, fresh), names, settings, progress)
+    tasks = _AtlasTasks(AtlasData(Path(data) if data else None, about, fresh), names, settings, progress)
     with suppress(KeyboardInterrupt), pool(executor, workers, compute, settings, "executor='threads'") as workers_pool:
-        workers_pool.run(work.motions(), work.add)
-        workers_pool.run(work.pending(), work.add)
-    return work.result({**about, "command": command_line(), "date": datetime.now(UTC).date().isoformat()})
+        workers_pool.run(tasks.motions(), tasks.add)
+        workers_pool.run(tasks.pending(), tasks.add)
+    return tasks.result({**about, "command": command_line(), "date": datetime.now(UTC).date().isoformat()})
 
 
 def compute(settings: Settings, task: Any, stop: Stop | None = None) -> Any:
-    """Run a task in a worker. Warnings of runs are among its results."""
+    """Run a task in a worker, without Python warnings: the results contain them as messages."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         return task.run(settings, stop)
 
 
-class _Work:
+class _AtlasTasks:
     """Tasks of an atlas and their results."""
 
-    def __init__(self, found: AtlasData, names: list[str], settings: Settings, progress: Progress | None) -> None:
-        self.found, self.names, self.settings = found, names, settings
+    def __init__(self, data: AtlasData, names: list[str], settings: Settings, progress: Progress | None) -> None:
+        self.data, self.names, self.settings = data, names, settings
         self.progress: Progress = progress or (lambda done, text: None)
         self.seen: set[str] = set()  # models whose motion is known to be current
 
     def motions(self) -> list[MotionTask]:
-        """Return the tasks of the motions, also of known ones, whose models may have changed."""
-        return [MotionTask(name, self.found.motions.get(name)) for name in self.names]
+        """Return the tasks of all motions: models of stored motions may have changed, too."""
+        return [MotionTask(name, self.data.motions.get(name)) for name in self.names]
 
     def methods(self) -> list[tuple[str, str]]:
         """Return the models and methods of all runs."""
-        motions = [self.found.motions[name] for name in self.names if name in self.found.motions]
+        motions = [self.data.motions[name] for name in self.names if name in self.data.motions]
         return [(m.model, method) for m in motions for method in m.methods]
 
     def pending(self) -> list[MethodTask]:
         """Return the tasks of methods without results."""
-        motions, runs = self.found.motions, self.found.runs
+        motions, runs = self.data.motions, self.data.runs
         return [MethodTask(motions[model], method) for model, method in self.methods() if (model, method) not in runs]
 
-    def add(self, task: Any, found: ModelMotion | MethodRuns) -> None:
+    def add(self, task: Any, result: ModelMotion | MethodRuns) -> None:
         """Store a result, and report the progress."""
-        self.found.add(found)
+        self.data.add(result)
         if isinstance(task, MotionTask):
             self.seen.add(task.model)
             self.progress(MOTIONS * len(self.seen) / len(self.names), str(task))
         else:
-            every = self.methods()
-            done = sum(key in self.found.runs for key in every)
-            self.progress(MOTIONS + (1 - MOTIONS) * done / len(every), str(task))
+            pairs = self.methods()
+            done = sum(pair in self.data.runs for pair in pairs)
+            self.progress(MOTIONS + (1 - MOTIONS) * done / len(pairs), str(task))
 
     def result(self, meta: dict[str, Any]) -> Atlas:
         """Return the finished results."""
-        motions = tuple(self.found.motions[name] for name in self.names if name in self.found.motions)
-        runs = tuple(self.found.runs[key] for key in self.methods() if key in self.found.runs)
+        motions = tuple(self.data.motions[name] for name in self.names if name in self.data.motions)
+        runs = tuple(self.data.runs[key] for key in self.methods() if key in self.data.runs)
         complete = len(self.seen) == len(self.names) and len(runs) == len(self.methods())
         return Atlas(motions, runs, complete, len(self.names), len(self.methods()), meta)

@@ -23,13 +23,13 @@ class AtlasData:
     """Results of an atlas, in memory and in a file.
 
     Args:
-        path: of the file; None for none.
+        path: path of the file; None to store no file.
         about: settings that all results have in common.
         fresh: replace an existing file, once the first result is finished.
 
     Attributes:
-        motions: of models, by name.
-        runs: by model and method.
+        motions: motions of the models, by name.
+        runs: runs, by model and method.
 
     Raises:
         InputError: for the file of another atlas, another file, or an unwritable one.
@@ -44,19 +44,19 @@ class AtlasData:
         if path and path.exists() and not fresh:
             self._read(path)
 
-    def add(self, found: ModelMotion | MethodRuns) -> None:
+    def add(self, result: ModelMotion | MethodRuns) -> None:
         """Add a result, and append it to the file."""
-        if isinstance(found, ModelMotion):
-            if self.motions.get(found.model) == found:
+        if isinstance(result, ModelMotion):
+            if self.motions.get(result.model) == result:
                 return
-            self.motions[found.model] = found
+            self.motions[result.model] = result
         else:
-            self.runs[found.model, found.method] = found
+            self.runs[result.model, result.method] = result
         if self.path:
-            self._append(self.path, found.to_dict())
+            self._append(self.path, result.to_dict())
 
     def _append(self, path: Path, row: Mapping[str, Any]) -> None:
-        """Append a line in one write; the first one after that of the settings."""
+        """Append a line in one write, in a new file together with the line of the settings."""
         try:
             new = self._replace_old or not path.exists() or not path.stat().st_size
             flags = os.O_WRONLY | os.O_CREAT | (os.O_TRUNC if new else os.O_APPEND)
@@ -90,12 +90,12 @@ class AtlasData:
         except (ValueError, KeyError, TypeError, AttributeError) as e:
             raise InputError(f"{path} is damaged or not the data of an atlas ({type(e).__name__}: {e})") from None
 
-    def _require_same_atlas(self, path: Path, found: Mapping[str, Any]) -> None:
+    def _require_same_atlas(self, path: Path, stored: Mapping[str, Any]) -> None:
         """Refuse to mix results of two back ends, machines, versions or settings."""
         for name, value in self.about.items():
-            if found[name] != value:
+            if stored[name] != value:
                 raise InputError(
-                    f"{path} has an atlas of another {name}, {_text(found[name])}, not {_text(value)}: "
+                    f"{path} has an atlas of another {name}, {_text(stored[name])}, not {_text(value)}: "
                     "give another data file, or fresh"
                 )
 

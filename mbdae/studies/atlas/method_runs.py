@@ -16,11 +16,11 @@ from ..method_variant import Variant
 from ..workers import Stop
 from .model_motion import ModelMotion, Settings, common_motion, mechanism
 
-REPEATS = 3  # repetitions of each run, for its time
-LONG = 0.1  # s: longer runs are not repeated
+REPEATS = 3  # number of timed repetitions of each run
+LONG = 0.1  # s: longer runs are timed once
 LARGEST_REFINED = 20_000  # linear solves of a run, above which no finer one follows
-LONG_SPAN, LONG_REFINEMENT = 10, 2  # duration of a long run in those of the model; its steps over the coarsest number
-SIGMAS = 3  # standard errors of a trend, within which it is none
+LONG_SPAN, LONG_REFINEMENT = 10, 2  # duration and step refinement of a long run, relative to the coarsest run
+SIGMAS = 3  # a trend within this number of standard errors is not significant
 RAISED = "error"  # status of a run that raised an error
 
 
@@ -29,17 +29,17 @@ class LongRun:
     """The energy of a conservative model over a long time, with fixed steps.
 
     Attributes:
-        step: in s.
-        t_end: in s.
+        step: step size in s.
+        t_end: end time in s.
         status: one of `mbdae.errors.STATUS`, or `RAISED`.
-        message: why it did not reach the end, or warnings; "" for none.
+        message: why the run did not reach the end, or warnings; "" for none.
         trend: trend of the energy error in J/s.
-        trend_error: its standard error in J/s.
-        energy: largest energy error, relative to the scale.
+        trend_error: standard error of the trend in J/s.
+        energy: largest energy error, relative to ``scale``.
         scale: reference energy in J.
         g: max |g| over all rows and steps (m, rad).
         Gv: max |G v| over all rows and steps (m/s, rad/s).
-        solves: linear systems of a stage.
+        solves: number of linear solves.
     """
 
     step: float
@@ -56,7 +56,7 @@ class LongRun:
 
     @property
     def largest_rate(self) -> float | None:
-        """The largest rate of the energy that the trend admits, with three standard errors, over the scale, in 1/s."""
+        """Upper bound of the relative energy rate in 1/s: the trend plus three standard errors, over the scale."""
         if self.trend is None or self.trend_error is None or not self.scale:
             return None
         return (abs(self.trend) + SIGMAS * self.trend_error) / self.scale
@@ -73,8 +73,8 @@ class MethodRuns:
 
     Attributes:
         model: name or path.
-        method: variant by name.
-        points: its runs, from coarse to fine.
+        method: name of the variant.
+        points: runs of the method, from coarse to fine.
         long: the run of a conservative model over a long time.
     """
 
@@ -101,8 +101,8 @@ class MethodTask:
     """The task of a worker to run a method on a model.
 
     Attributes:
-        motion: of the model.
-        method: variant by name.
+        motion: motion of the model.
+        method: name of the variant.
     """
 
     motion: ModelMotion
@@ -112,9 +112,9 @@ class MethodTask:
         return f"{self.motion.model}, {self.method}"
 
     def run(self, settings: Settings, stop: Stop | None) -> MethodRuns:
-        """Run the method, each time once and then again for the times.
+        """Run the method at each setting, then repeat the runs to measure their times.
 
-        Finer runs are left out after one whose error is not known, or one of many linear solves.
+        Finer runs are omitted after a run whose error is below that of the reference, or with many linear solves.
         """
         variant, motion = Variant.parse(self.method), common_motion(mechanism(self.motion.model), settings.backend)
         fixed = [Trial(variant, None, k * self.motion.steps) for k in settings.refinements]
@@ -155,7 +155,7 @@ class MethodTask:
 
 
 def _timed(motion: ReferenceMotion, trial: Trial, stop: Stop | None) -> tuple[Solution, float]:
-    """Return a run and its CPU time in s, which other processes hardly change."""
+    """Return a run and its CPU time in s, which depends little on other processes."""
     start = thread_time()
     sol = motion.solve(trial, stop)
     return sol, thread_time() - start

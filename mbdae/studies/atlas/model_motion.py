@@ -27,8 +27,8 @@ from ..workers import Stop
 OUTPUTS = 20  # common times of errors, as in `mbdae.compare`
 MAX_STEPS = 20_000  # steps of a run
 PROBE = "radau5"  # the steps of its run are the coarsest number of fixed steps
-RUN_TOLERANCES = {"reference": 1e-12, PROBE: 1e-3}  # rtol; of the reference as there
-LOADED = 4  # mechanisms that a worker keeps
+RUN_TOLERANCES = {"reference": 1e-12, PROBE: 1e-3}  # rtol; that of the reference as in `mbdae.compare`
+LOADED = 4  # number of mechanisms in the cache of a worker
 
 
 @dataclass(frozen=True)
@@ -36,10 +36,10 @@ class Settings:
     """Settings of all runs of an atlas.
 
     Attributes:
-        methods: variants by name; empty for all.
+        methods: names of variants; empty for all.
         rtol: relative tolerances, the loosest first.
         refinements: numbers of fixed steps over the coarsest one of a model.
-        backend: of all runs, ``"native"`` or ``"python"``.
+        backend: back end of all runs, ``"native"`` or ``"python"``.
     """
 
     methods: tuple[str, ...]
@@ -54,17 +54,17 @@ class ModelMotion:
 
     Attributes:
         model: name or path.
-        key: identifies its mechanism.
-        title: of the mechanism.
+        key: hash of the mechanism.
+        title: title of the mechanism.
         duration: of the motion in s.
         steps: the coarsest number of fixed steps, a multiple of the number of common times.
-        conservative: no work is done but by potentials, and no modes switch.
+        conservative: whether all forces derive from potentials, and no modes switch.
         reference: the reference run, in words.
         cross_check: the run that checks it, in words.
         uncertainty: largest difference between these two, by quantity.
-        samples: of the reference, by quantity, lists of lists.
-        methods: variants that suit the model, by name.
-        omitted: reasons why others do not, by name.
+        samples: samples of the reference by quantity, lists of lists.
+        methods: names of the variants that suit the model.
+        omitted: reasons why other variants do not, by name.
         failure: why the model has no runs; "" if it has.
     """
 
@@ -113,7 +113,7 @@ class MotionTask:
         return f"reference of {self.model}"
 
     def run(self, settings: Settings, stop: Stop | None) -> ModelMotion:
-        """Return the motion, with the methods of these settings.
+        """Return the motion, with the suitable methods among those of the settings.
 
         Raises:
             InputError: if the model has changed since.
@@ -125,8 +125,8 @@ class MotionTask:
         try:
             methods, omitted = _methods(mech, settings)
             known = self.known if self.known and not self.known.failure else None
-            found = known or _motion(self.model, key, mech, settings, stop)
-            return replace(found, methods=methods, omitted=omitted)
+            motion = known or _motion(self.model, key, mech, settings, stop)
+            return replace(motion, methods=methods, omitted=omitted)
         except MbdaeError as e:
             return ModelMotion(self.model, key, mech.title, failure=str(e))
 
@@ -137,7 +137,7 @@ def mechanism(model: str) -> Mechanism:
     return without_geometry(load(model))  # type: ignore[return-value]
 
 
-atexit.register(mechanism.cache_clear)  # before the core is unloaded, which reports objects that remain
+atexit.register(mechanism.cache_clear)  # the core reports remaining objects as leaks when it is unloaded
 
 
 def common_motion(mech: Mechanism, backend: str) -> ReferenceMotion:
@@ -170,7 +170,7 @@ def _motion(model: str, key: str, mech: Mechanism, settings: Settings, stop: Sto
 
 
 def _conservative(mech: Mechanism, sol: Any) -> bool:
-    """Return whether a run has energy, and no work is done on it."""
+    """Return whether a run has energy, and nonconservative forces do no work."""
     scale = drift(sol).energy_scale or 0.0
     work = float(np.abs(sol.work - sol.work[0]).max())
     return not mech.switches and scale > 0 and work <= SUM_ROUNDING * scale

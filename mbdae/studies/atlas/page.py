@@ -33,8 +33,8 @@ DIGITS = 4  # digits of numbers on the page
 def page(atlas: Atlas) -> str:
     """Return the page as text."""
     package = str(__package__)
-    here = files(package)
-    style, script = (Markup(here.joinpath(f"atlas.{kind}").read_text("utf-8")) for kind in ("css", "js"))
+    folder = files(package)
+    style, script = (Markup(folder.joinpath(f"atlas.{kind}").read_text("utf-8")) for kind in ("css", "js"))
     text = json.dumps(finite(_data(atlas)), separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
     meta = atlas.meta
     return rendered(
@@ -59,12 +59,12 @@ def _data(atlas: Atlas) -> dict[str, Any]:
         "noise": atlas.noise,
         "quantities": QUANTITIES,
         "methods": [
-            {"name": m, "typed": shlex.quote(m), "family": Variant.parse(m).family, "colour": line_style(m)["color"]}
+            {"name": m, "argument": shlex.quote(m), "family": Variant.parse(m).family, "colour": line_style(m)["color"]}
             for m in methods
         ],
         "models": [
             {
-                "name": m.model, "typed": shlex.quote(m.model), "title": m.title, "duration": m.duration,
+                "name": m.model, "argument": shlex.quote(m.model), "title": m.title, "duration": m.duration,
                 "reference": m.reference, "cross_check": m.cross_check, "floors": _floors(atlas, m.model),
                 "ranks": {name: _ranks(atlas, m.model, name, methods) for name in QUANTITIES},
             }
@@ -78,14 +78,14 @@ def _data(atlas: Atlas) -> dict[str, Any]:
 
 def _floors(atlas: Atlas, model: str) -> dict[str, float | None]:
     """Return the smallest known errors, by quantity."""
-    return {name: short(atlas.comparisons[model].floor(name)) for name in QUANTITIES}
+    return {name: rounded(atlas.comparisons[model].floor(name)) for name in QUANTITIES}
 
 
 def _ranks(atlas: Atlas, model: str, quantity: str, methods: list[str]) -> list[list[Any]]:
-    """Return error, and by work [number of the method, work, whether it is an upper bound], the best first."""
+    """Return the error, and for each kind of work [index of the method, work, 1 if an upper bound], the best first."""
     return [
-        [target, *([[methods.index(x.method), short(x.work), int(x.bound)] for x in found[w] if x.work] for w in WORKS)]
-        for target, found in atlas.rankings(model, quantity).items()
+        [target, *([[methods.index(x.method), rounded(x.work), int(x.bound)] for x in r[w] if x.work] for w in WORKS)]
+        for target, r in atlas.rankings(model, quantity).items()
     ]
 
 
@@ -97,17 +97,17 @@ def _run(p: RunResult) -> list[Any]:
     """Return rtol, number of steps, errors, residuals, counts, CPU time and status of a run."""
     errors = [p.errors.get(name) for name in QUANTITIES]
     values = [p.rtol, p.n, *errors, p.g, p.Gv, p.energy, *(getattr(p, name) for name in COUNTS), p.seconds]
-    return [*(short(x) for x in values), p.status]
+    return [*(rounded(x) for x in values), p.status]
 
 
 def _long(r: "MethodRuns", x: "LongRun") -> dict[str, Any]:
-    """Return a long run; its step has all digits, since the command that repeats it has them."""
-    values = {"trend": x.trend, "trend_error": x.trend_error, "rate": x.largest_rate, "energy": x.energy}
-    more = {"g": x.g, "Gv": x.Gv, "solves": x.solves}
-    known = {name: short(value) for name, value in {**values, **more}.items()}
-    return {"model": r.model, "method": r.method, "step": x.step, "end": x.t_end, "status": x.status, **known}
+    """Return the data of a long run; the step is not rounded, since the command that repeats the run contains it."""
+    energy = {"trend": x.trend, "trend_error": x.trend_error, "rate": x.largest_rate, "energy": x.energy}
+    residuals = {"g": x.g, "Gv": x.Gv, "solves": x.solves}
+    values = {name: rounded(value) for name, value in {**energy, **residuals}.items()}
+    return {"model": r.model, "method": r.method, "step": x.step, "end": x.t_end, "status": x.status, **values}
 
 
-def short(x: float | None) -> float | None:
-    """Return a number with few digits; whole numbers unchanged."""
+def rounded(x: float | None) -> float | None:
+    """Round a number to `DIGITS` significant digits; integers are unchanged."""
     return x if x is None or isinstance(x, int) else float(f"{x:.{DIGITS - 1}e}")

@@ -21,8 +21,8 @@ from .model_motion import ModelMotion
 PAGE, DATA = ".html", ".json"
 WORKS: tuple[Work, ...] = ("solves", "f", "seconds")
 SHOWN_WORKS: tuple[Work, ...] = ("solves", "seconds")  # in the summary
-STIFF = "stiff"  # status of finished runs that warn of it
-NOISE = 0.9  # quantile of the spread of times that counts as noise
+STIFF = "stiff"  # status of finished runs with a stiffness warning
+NOISE = 0.9  # quantile of the scatter of CPU times that is reported as noise
 SHOWN_TOLERANCES = (1e-2, 1e-4, 1e-6, 1e-8)  # errors of q in the text
 
 
@@ -33,7 +33,7 @@ class BestMethod(NamedTuple):
         model: name or path.
         target: the error in rad or m.
         fewest: methods with the fewest linear solves, to 1 %.
-        solves: their number; an upper bound if ``bound``.
+        solves: number of these solves; an upper bound if ``bound``.
         bound: even the coarsest run is more accurate.
         fastest: methods with the least CPU time, to the noise.
         seconds: the least CPU time in s.
@@ -49,7 +49,7 @@ class BestMethod(NamedTuple):
 
 
 class FailedRun(NamedTuple):
-    """A run without errors, or a method that does not suit a model; texts."""
+    """A run that failed, or a method that does not suit a model; all fields are texts."""
 
     model: str
     method: str
@@ -58,7 +58,7 @@ class FailedRun(NamedTuple):
     reason: str
 
 
-EQUAL_WORK = 1.01  # ratio of numbers of solves that are equal: differences of a few at interpolated errors
+EQUAL_WORK = 1.01  # interpolated numbers of solves within this ratio are taken as equal
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,8 @@ class Atlas(Tabular):
     """Result of `mbdae.atlas`.
 
     Attributes:
-        motions: of the models.
-        runs: of a method on a model, each.
+        motions: motions of the models.
+        runs: the runs of each method on each model.
         complete: False if the atlas was stopped before its end.
         models: number of requested models.
         requested: number of requested methods on models.
@@ -95,7 +95,7 @@ class Atlas(Tabular):
 
     @cached_property
     def noise(self) -> float:
-        """Noise of CPU times: the ratio of the largest to the smallest of a run, of nine in ten runs."""
+        """Noise of CPU times: the 90 % quantile of the ratio of the largest to the smallest time of a run."""
         spreads = [max(p.times) / min(p.times) for r in self.runs for p in r.points if len(p.times) > 1]
         return quantiles(spreads, n=10)[round(10 * NOISE) - 1] if len(spreads) > 1 else 1.0
 
@@ -215,7 +215,7 @@ class Atlas(Tabular):
 
 
 def _within(entries: list[RankingEntry], ratio: float) -> tuple[str, ...]:
-    """Return the methods whose work is the least one, or larger by at most a ratio."""
+    """Return the methods whose work is at most ``ratio`` times the least work."""
     least = entries[0].work or 0.0
     return tuple(x.method for x in entries if x.work is not None and x.work <= ratio * least)
 
@@ -235,7 +235,7 @@ def _works(entries: list[RankingEntry], methods: tuple[str, ...]) -> list[float 
 
 
 def _rounded(x: float | None) -> float | None:
-    """Return a number with three digits, whole if it has no more."""
+    """Round a number to three significant digits; an int if it is integral."""
     if not x:
         return x
     y = round(x, 2 - int(log10(abs(x)) // 1))

@@ -71,23 +71,23 @@ def compare(
             those of `mbdae.studies.comparison.selection.METHODS` whose formulation the problem supports.
         formulations: for methods without one: index2, project, ggl. ``"index2"`` when left out.
         rtol: relative tolerances, 1e-4,1e-6; 1e-3 to 1e-10 when left out. atol is 0.01 rtol.
-        steps: numbers of fixed steps, instead of tolerances; with tolerances only for methods that take fixed steps
-            alone.
+        steps: numbers of fixed steps, instead of tolerances; with tolerances only for methods without step-size
+            control.
         reference: two methods of different families; errors are differences to the first.
         reference_rtol: their tolerance; if they cannot satisfy it, the next power of ten that they can.
         outputs: number of common times, equidistant, including the end.
-        repeats: runs for the median of the wall time. Repetitions alternate between all runs, those above 2 s are run
-            once; 0 for no times.
+        repeats: number of repetitions for the median wall time. Repetitions cycle through all runs; runs longer than
+            2 s are timed once. 0: no times.
         max_steps: runs with more steps are aborted.
         workers: processes; times are still measured one by one, after all runs. Scripts need
             ``if __name__ == "__main__":``.
-        timed_together: measure times in the processes, while others compute.
-        progress: called with the fraction of runs done and the name of the next.
+        timed_together: measure times in the processes, while other runs compute.
+        progress: called with the completed fraction and the name of the next run.
         path: a .json or .csv file of the finished runs, which is read first if it exists; wall times are measured
             again if they are of another machine.
         fresh: do not resume from the file, but replace it once the first run is finished.
-        backend: one for all runs, so that their times are comparable: ``"auto"`` takes the compiled core if it supports
-            every method of the comparison, and Python otherwise.
+        backend: common back end of all runs, so that their times are comparable: ``"auto"`` takes the compiled core if
+            it supports every method of the comparison, and Python otherwise.
 
     Raises:
         InputError: for wrong arguments, a reference that cannot be computed, or a file with another comparison.
@@ -99,10 +99,10 @@ def compare(
     trials = trials_of(chosen, rtol, steps)
     kinds = {str(t.variant): t.variant for t in trials}.values()
     runs = [(v.formulation, v.baumgarte) for v in kinds]
-    shared, because = common_backend(problem, runs, backend)
-    because = uncompiled([find_method(v.formulation, v.method) for v in kinds], because)
-    shared = "python" if because else shared
-    motion = replace(motion, backend=shared, because=because)
+    shared, python_reason = common_backend(problem, runs, backend)
+    python_reason = uncompiled([find_method(v.formulation, v.method) for v in kinds], python_reason)
+    shared = "python" if python_reason else shared
+    motion = replace(motion, backend=shared, python_reason=python_reason)
     pair = variants(reference)
     if len(pair) != 2 or not SUM_ROUNDING < reference_rtol < INTERPOLATION:
         raise InputError(f"a reference is two methods and a tolerance below 1e-5, got {reference!r}, {reference_rtol}")
@@ -110,18 +110,19 @@ def compare(
         raise InputError(f"workers must be at least 1 and repeats not negative, got {workers}, {repeats}")
     clock = repeats > 0 and (timed_together or workers == 1)
     passes = max(1, repeats + (not clock))
-    queue = ComparisonRuns(motion, trials, pair, reference_rtol, Path(path) if path else None, progress, passes, fresh)
-    queue.meta["omitted"] = omitted
+    file = Path(path) if path else None
+    comparison_runs = ComparisonRuns(motion, trials, pair, reference_rtol, file, progress, passes, fresh)
+    comparison_runs.meta["omitted"] = omitted
     complete = False
     try:
-        queue.compute_reference()
-        queue.measure_errors(workers, clock=clock)
-        queue.measure_times(repeats, workers if timed_together else 1)
+        comparison_runs.compute_reference()
+        comparison_runs.measure_errors(workers, clock=clock)
+        comparison_runs.measure_times(repeats, workers if timed_together else 1)
         complete = True
     except KeyboardInterrupt:
-        if not queue.uncertainty:
+        if not comparison_runs.uncertainty:
             raise
-    return queue.result(complete)
+    return comparison_runs.result(complete)
 
 
 def motion_of(

@@ -21,7 +21,7 @@ from .run_result import RunResult, nonnegative, read_run_result
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-KNOWN_ERROR_RATIO = 5.0  # to the uncertainty of the reference: larger errors are known
+KNOWN_ERROR_RATIO = 5.0  # errors above this multiple of the uncertainty of the reference are known
 Work = Literal["solves", "seconds", "f"]
 SHOWN: tuple[Work, ...] = ("solves", "seconds")  # in sentences and reports
 QUANTITIES = {"q": "rad, m", "v": "rad/s, m/s", "lam": "N, N m"}  # and their units
@@ -34,14 +34,13 @@ class Comparison(Tabular):
     """Result of `mbdae.compare`.
 
     Attributes:
-        title: of the mechanism or textbook problem.
+        title: title of the mechanism or textbook problem.
         t_span: start and end in s.
         points: the finished runs, by method and then from coarse to fine.
         reference: the reference run for errors, in words.
         cross_check: the run of another family that checks the reference, in words; "" for an exact solution.
-        uncertainty: largest difference between these two, for ``"q"``, ``"v"``, ``"lam"`` of a mechanism, ``"y"``,
-            ``"z"`` of
-            a textbook problem: the uncertainty of the reference.
+        uncertainty: uncertainty of the reference: largest difference between these two runs, for ``"q"``, ``"v"``,
+            ``"lam"`` of a mechanism, ``"y"``, ``"z"`` of a textbook problem.
         complete: False if the comparison was stopped before its end.
         meta: key of the settings, versions, command, machine, back end, the reason why runs cannot use the core, units
             of quantities, and the number of requested runs.
@@ -58,7 +57,7 @@ class Comparison(Tabular):
 
     @property
     def omitted(self) -> dict[str, str]:
-        """Methods that do not suit the problem, with the reasons, of a comparison of all."""
+        """Methods that do not suit the problem, with the reasons, in a comparison of all methods."""
         return self.meta.get("omitted", {})
 
     @property
@@ -72,7 +71,7 @@ class Comparison(Tabular):
         return tuple(self.uncertainty)
 
     def unit(self, name: str) -> str:
-        """Return the unit of a quantity in SI, or of g and Gv; a list for several; "" for a textbook problem."""
+        """Return the SI unit of a quantity, or of g and Gv: a list if it has several, "" for a textbook problem."""
         known = QUANTITIES | RESIDUALS if "v" in self.uncertainty else {}
         return {**known, **self.meta.get("units", {})}.get(name, "")
 
@@ -86,7 +85,7 @@ class Comparison(Tabular):
         return f"{self.reference}; {self.cross_check} differs by {known}"
 
     def quantity(self, name: str | None) -> str:
-        """Return the name of a quantity; that of the positions when left out.
+        """Return the name of a quantity, by default that of the positions.
 
         Raises:
             UnknownNameError: for an unknown quantity.
@@ -104,12 +103,12 @@ class Comparison(Tabular):
     def computed_by(self) -> str:
         """Back end and processor of the times, in words."""
         where = f", {self.meta['machine']}" if self.meta.get("machine") else ""
-        stepped = [name for name in self.methods if name.rpartition(":")[2] in SOLVERS]
-        scipy = f", steps of {', '.join(stepped)} in Python" if stepped else ""
-        sized = {p.method for p in self.points if p.rtol and isinstance(METHODS.get(p.method), NewtonMethod)}
-        sizes = f", step sizes of {', '.join(sorted(sized))} in Python" if sized else ""
+        solvers = [name for name in self.methods if name.rpartition(":")[2] in SOLVERS]
+        steps = f", steps of {', '.join(solvers)} in Python" if solvers else ""
+        controlled = {p.method for p in self.points if p.rtol and isinstance(METHODS.get(p.method), NewtonMethod)}
+        sizes = f", step sizes of {', '.join(sorted(controlled))} in Python" if controlled else ""
         backend = describe_backend(self.meta.get("backend", "unknown"), self.meta.get("because", ""))
-        return backend + scipy + sizes + where
+        return backend + steps + sizes + where
 
     def of(self, method: str) -> list[RunResult]:
         """Return the completed runs of a method."""
@@ -192,11 +191,11 @@ class Comparison(Tabular):
         return [headers, *rows]
 
     def remarks(self) -> list[str]:
-        """Return which method is best for each accuracy, and which methods are omitted."""
+        """Return sentences on the best methods for each accuracy, and on omitted methods."""
         return [*self.sentences(), *(f"omitted: {reason}" for reason in self.omitted.values())]
 
     def to_columns(self) -> Columns:
-        """Return a row for each run; further data are JSON in the first row of the last column, ``about``."""
+        """Return a row for each run; the remaining data are JSON in the first row of the last column, ``about``."""
         rows: list[dict[str, Any]] = [
             {**p.row(self.quantities), "known": self.known(p), "about": ""} for p in self.points
         ]
@@ -204,12 +203,12 @@ class Comparison(Tabular):
         rows = rows or [dict.fromkeys([*RunResult("", None, None, "").row(self.quantities), "known", "about"])]
         rows[0]["about"] = json.dumps(rest)
         rows = [{**row, "times": " ".join(map(repr, row["times"] or ()))} for row in rows]
-        units = {f"{what}_{name}": self.unit(name) for what in ("error", "end") for name in self.quantities}
+        units = {f"{prefix}_{name}": self.unit(name) for prefix in ("error", "end") for name in self.quantities}
         units |= {name: self.unit(name) for name in ("g", "Gv")} | {"seconds": "s"}
         return Columns({name: [row[name] for row in rows] for name in rows[0]}, units)
 
     def save(self, path: str | Path) -> None:
-        """Write as `Tabular.save`; .csv in SI units, since it is read again.
+        """Write a file as `Tabular.save`; .csv in SI units, since `load` reads it.
 
         Raises:
             InputError: as `Tabular.save`.

@@ -23,29 +23,29 @@ from .comparison import Comparison
 from .reference_motion import ReferenceMotion, Samples, Trial
 from .run_result import RunResult, ordered
 
-LONG_RUN = 2.0  # s: longer runs are timed once
+LONG_RUN = 2.0  # s, runs above it are timed once
 Progress = Callable[[float, str], None]
 
 
 class TrialConditions(NamedTuple):
-    """Data shared by the runs: the motion, the reference, and whether first runs are timed."""
+    """Data that all runs share: the motion, the reference, and whether the first repetition is timed."""
 
     motion: ReferenceMotion
     reference: Samples | None = None
     clock: bool = False
 
 
-def run_and_compare(job: TrialConditions, trial: Trial, stop: Stop | None = None) -> RunResult:
+def run_and_compare(conditions: TrialConditions, trial: Trial, stop: Stop | None = None) -> RunResult:
     """Run a trial and compare it with the reference."""
-    assert job.reference is not None
-    sol = job.motion.solve(trial, stop)
-    point = job.motion.measure(trial, sol, job.reference)
-    return replace(point, times=(sol.stats["seconds"],)) if job.clock and point.success else point
+    assert conditions.reference is not None
+    sol = conditions.motion.solve(trial, stop)
+    point = conditions.motion.measure(trial, sol, conditions.reference)
+    return replace(point, times=(sol.stats["seconds"],)) if conditions.clock and point.success else point
 
 
-def time_run(job: TrialConditions, trial: Trial, stop: Stop | None = None) -> float:
+def time_run(conditions: TrialConditions, trial: Trial, stop: Stop | None = None) -> float:
     """Repeat a run and return its wall time in s."""
-    return job.motion.solve(trial, stop).stats["seconds"]
+    return conditions.motion.solve(trial, stop).stats["seconds"]
 
 
 class ComparisonRuns:
@@ -54,8 +54,8 @@ class ComparisonRuns:
     Args:
         motion: the motion.
         trials: the runs.
-        pair: methods of the reference.
-        rtol: their tolerance.
+        pair: the two methods of the reference.
+        rtol: tolerance of the reference.
         path: the file, if any; it is read when it exists, without wall times of another machine.
         progress: see `mbdae.compare`.
         repetitions: number of runs of each trial.
@@ -84,7 +84,7 @@ class ComparisonRuns:
         self.uncertainty: dict[str, float] = {}
         self.samples: Samples | None = None
         about = {"versions": versions(), "command": sys.argv, "machine": machine_description(), "runs": len(trials)}
-        self.meta = {"key": self.key(), **about, "backend": motion.backend, "because": motion.because}
+        self.meta = {"key": self.key(), **about, "backend": motion.backend, "because": motion.python_reason}
         if isinstance(motion.problem, Mechanism):
             self.meta["units"] = quantity_units(motion.problem)
         if path and path.exists() and not fresh:
@@ -136,11 +136,11 @@ class ComparisonRuns:
         """Run the pending trials, in this process or in others."""
         pending = self.pending()
         if self.samples is not None and pending:
-            job = TrialConditions(self.motion, self.samples, clock)
-            self._run_all(run_and_compare, job, pending, workers, lambda trial, point: self._store(point))
+            conditions = TrialConditions(self.motion, self.samples, clock)
+            self._run_all(run_and_compare, conditions, pending, workers, lambda trial, point: self._store(point))
 
     def measure_times(self, repeats: int, workers: int) -> None:
-        """Repeat runs for their wall times, in alternation; long ones once."""
+        """Repeat the runs in turn to measure wall times; long runs are timed once."""
 
         def record_time(trial: Trial, seconds: float) -> None:
             point = self.points[trial.label]
@@ -158,7 +158,7 @@ class ComparisonRuns:
     def _run_all(
         self,
         function: Callable[..., Any],
-        job: TrialConditions,
+        conditions: TrialConditions,
         trials: Sequence[Trial],
         workers: int,
         store: Callable[[Trial, Any], None],
@@ -168,7 +168,7 @@ class ComparisonRuns:
         if workers == 1:
             for i, trial in enumerate(trials):
                 self._report(i / len(trials), f"{label}{trial}")
-                store(trial, function(job, trial))
+                store(trial, function(conditions, trial))
         else:
             finished = []
 
@@ -177,13 +177,13 @@ class ComparisonRuns:
                 self._report(len(finished) / len(trials), f"{label}{trial} done")
                 store(trial, result)
 
-            sent_job = job._replace(motion=replace(job.motion, problem=without_geometry(job.motion.problem)))
-            with pool("processes", workers, function, sent_job, "workers=1") as workers_pool:
+            motion = replace(conditions.motion, problem=without_geometry(conditions.motion.problem))
+            with pool("processes", workers, function, conditions._replace(motion=motion), "workers=1") as workers_pool:
                 workers_pool.run(trials, record_run)
         self.completed += 1
 
     def _report(self, fraction: float, name: str) -> None:
-        """Report the progress: repetitions that are complete, and the fraction of the current one."""
+        """Report the progress: completed repetitions plus the fraction of the current repetition."""
         self.report_progress(min(1.0, (self.completed + fraction) / self.repetitions), name)
 
     def _store(self, point: RunResult) -> None:

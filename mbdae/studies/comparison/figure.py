@@ -18,9 +18,9 @@ SYMBOLS = {"lam": r"\lambda"}
 
 @fixed_layout
 def work_precision(result: Comparison, of: str | None = None) -> "Figure":
-    """Draw the error over linear solves and over wall time; errors below the uncertainty are drawn as bounds.
+    """Draw errors over linear solves and over wall time; errors below the uncertainty are drawn as bounds.
 
-    A bound is drawn at the upper edge of the grey band, with an arrow down, and is not connected by a line.
+    A bound is an arrow down at the upper edge of the grey band, not connected by a line.
     """
     name = result.quantity(of)
     unit = result.unit(name)
@@ -51,19 +51,19 @@ def work_precision(result: Comparison, of: str | None = None) -> "Figure":
 
 
 def _curve(ax: "Axes", result: Comparison, points: list[RunResult], work: str, name: str) -> None:
-    """Draw the known errors of a method as a line, the others as bounds."""
+    """Draw the known errors of a method as a line, unknown errors as bounds."""
     points = [p for p in points if getattr(p, work) is not None]
     if not points:
         return
     style = line_style(points[0].method)
-    of_work, unit = "s" if work == "seconds" else "", result.unit(name)
+    work_unit, unit = "s" if work == "seconds" else "", result.unit(name)
     known = [
-        (displayed(getattr(p, work), of_work)[0], displayed(p.errors[name], unit)[0])
+        (displayed(getattr(p, work), work_unit)[0], displayed(p.errors[name], unit)[0])
         for p in points
         if result.known(p, name)
     ]
     ax.plot(*zip(*known, strict=True) if known else ([], []), **style, label=points[0].method)
-    below = [displayed(getattr(p, work), of_work)[0] for p in points if not result.known(p, name)]
+    below = [displayed(getattr(p, work), work_unit)[0] for p in points if not result.known(p, name)]
     if below:
         edge = np.full(len(below), displayed(result.floor(name), unit)[0])
         ax.errorbar(below, edge, yerr=0.6 * edge, uplims=True, capsize=1.5, **{**style, "linestyle": "none"}, lw=0.7)

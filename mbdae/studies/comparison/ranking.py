@@ -27,8 +27,8 @@ class RankingEntry:
 def work_at(runs: Runs, target: float) -> tuple[float | None, bool]:
     """Return the work that a method needs to reach an error, and whether it is only an upper bound.
 
-    Between its last run above the target and the next one, log work is linear in log error; that of the next one if its
-    error is zero. None if the error of the finest run is above the target.
+    Between the last run above the target and the next run, log work is linear in log error; if the error of the next
+    run is zero, its work is returned. None if the error of the finest run is above the target.
     """
     above = [i for i, (error, _) in enumerate(runs) if error > target]
     if not runs or (above and above[-1] == len(runs) - 1):
@@ -43,13 +43,13 @@ def work_at(runs: Runs, target: float) -> tuple[float | None, bool]:
 
 
 def rank(table: Mapping[str, Runs], target: float) -> list[RankingEntry]:
-    """Order methods by their work for an error; those that do not reach it are last."""
+    """Order methods by their work for an error; methods that do not reach it come last."""
     entries = [RankingEntry(name, *work_at(runs, target)) for name, runs in table.items()]
     return sorted(entries, key=lambda p: float("inf") if p.work is None else p.work)
 
 
 def targets(errors: Sequence[Sequence[float]], bound: float) -> list[float]:
-    """Return the powers of ten, at least ``bound``, that two methods reach and some run exceeds.
+    """Return the powers of ten, at least ``bound``, that two methods reach and at least one run exceeds.
 
     Args:
         errors: errors of the runs of each method.

@@ -30,7 +30,7 @@ Samples = dict[str, Array]  # at the common times: q (m, nq), v (m, nv), lam (m,
 
 @dataclass(frozen=True)
 class Trial:
-    """A run to be made: a method, and its tolerance or number of fixed steps."""
+    """Settings of one run: a method, and its tolerance or number of fixed steps."""
 
     variant: Variant
     rtol: float | None = None
@@ -55,8 +55,8 @@ class ReferenceMotion:
         t_span: start and end in s.
         times: common times in s, without the start, (m,).
         max_steps: runs with more steps are aborted.
-        backend: of all runs, see `mbdae.solve`.
-        because: the reason why they cannot use the compiled core; "" if they can.
+        backend: back end of all runs, see `mbdae.solve`.
+        python_reason: the reason why the runs cannot use the compiled core; "" if they can.
     """
 
     problem: Problem
@@ -65,7 +65,7 @@ class ReferenceMotion:
     times: Array
     max_steps: int
     backend: str = "auto"
-    because: str = ""
+    python_reason: str = ""
 
     def solve(self, trial: Trial, stop: Stop | None = None) -> Solution:
         """Run a method.
@@ -85,13 +85,13 @@ class ReferenceMotion:
         From the step before each time, the underlying ordinary differential equation is integrated to rounding: this
         measures the error of the steps, not that of interpolation. After a singular configuration, which that equation
         cannot cross, the run is interpolated. At each time the mode and the number of independent rows are those of the
-        step, since the rank grows when loops drift open.
+        step, since constraint drift increases the numerical rank.
         """
         m = self.problem
         system: Any = bind(m, "index1" if isinstance(m, Mechanism) else "index2", None, self.backend)[0]
         points, z = [], np.full((len(self.times), system.nz), np.nan)
         for k, (t, node) in enumerate(zip(self.times, sol.before(self.times), strict=True)):
-            points.append(_continued(sol.prepared(system, int(node), frozen=False), sol, int(node), t))
+            points.append(_integrated_from_node(sol.prepared(system, int(node), frozen=False), sol, int(node), t))
             with suppress(StepError):  # lam is undetermined in a singular configuration
                 z[k] = system.derivative(t, points[-1])[1]
         y = np.array(points)
@@ -109,31 +109,31 @@ class ReferenceMotion:
 
     def measure(self, trial: Trial, sol: Solution, reference: Samples) -> RunResult:
         """Return the result of a run, without times."""
-        silent = sol.status == "finished" and "stiff" not in sol.stats
-        message = "" if silent else sol.message
+        without_warnings = sol.status == "finished" and "stiff" not in sol.stats
+        message = "" if without_warnings else sol.message
         row = RunResult(*trial.label, sol.status, **{name: sol.stats[name] for name in COUNTS}, message=message)
         if not sol.ended:
             return row
         errors, drifted = self.difference(self.sample(sol), reference), drift(sol)
         if not np.isfinite(errors).all():
             return replace(row, message=UNDETERMINED)
-        largest, ends = (dict(zip(reference, e.tolist(), strict=True)) for e in (errors.max(axis=0), errors[-1]))
+        largest, last = (dict(zip(reference, e.tolist(), strict=True)) for e in (errors.max(axis=0), errors[-1]))
         return replace(
-            row, errors=largest, ends=ends, g=drifted.g_max, Gv=drifted.Gv_max, energy=drifted.energy_relative
+            row, errors=largest, ends=last, g=drifted.g_max, Gv=drifted.Gv_max, energy=drifted.energy_relative
         )
 
     def tightest(self, variant: Variant, rtol: float) -> tuple[Trial, Samples]:
         """Return the reference run: at ``rtol``, or at the next power of ten that the method can satisfy.
 
-        If loops have drifted open before a singular configuration, it is repeated with projection.
+        A run that stops at a singular configuration after constraint drift is repeated with projection.
 
         Raises:
-            InputError: if it can satisfy none of them.
+            InputError: if the method can satisfy none of them.
         """
         while rtol <= LOOSEST:
             trial = Trial(variant, rtol)
             sol = replace(self, max_steps=100 * self.max_steps, backend="auto").solve(trial)
-            if has_valid_numbers(sol):
+            if is_valid_reference(sol):
                 return trial, self.sample(sol)
             if sol.status == "rank" and variant.formulation == "index2" and not variant.project:
                 return self.tightest(replace(variant, project=True), rtol)
@@ -144,17 +144,19 @@ class ReferenceMotion:
         """Return the reference of errors: the exact solution if known, else two runs with tight tolerances.
 
         Returns:
-            Their description; samples of the first; and for each quantity the difference of the second, at least the
-            rounding of the samples.
+            Descriptions of both runs; samples of the first; and for each quantity its difference from the second, at
+            least the rounding of the samples.
         """
-        samples, others = self._exact(), None
-        words = ("the exact solution", "")
+        samples, second_samples = self._exact(), None
+        labels = ("the exact solution", "")
         if samples is None:
-            (first, samples), (second, others) = (self.tightest(v, rtol) for v in names)
-            words = (str(first), str(second))
+            (first, samples), (second, second_samples) = (self.tightest(v, rtol) for v in names)
+            labels = (str(first), str(second))
         rounding = np.array([EPS * (1.0 + np.abs(x).max(initial=0.0)) for x in samples.values()])
-        uncertainty = rounding if others is None else np.maximum(self.difference(samples, others).max(axis=0), rounding)
-        return words, samples, dict(zip(samples, uncertainty.tolist(), strict=True))
+        uncertainty = rounding
+        if second_samples is not None:
+            uncertainty = np.maximum(self.difference(samples, second_samples).max(axis=0), rounding)
+        return labels, samples, dict(zip(samples, uncertainty.tolist(), strict=True))
 
     def _exact(self) -> Samples | None:
         """Return the exact solution, if it is known for this start."""
@@ -168,14 +170,14 @@ class ReferenceMotion:
         return dict(zip(TEXTBOOK_QUANTITIES, (np.array(y), np.array(z)), strict=True))
 
 
-def has_valid_numbers(sol: Solution) -> bool:
-    """Return whether a run is successful, or doubtful only because of linear modes, whose range no method changes."""
+def is_valid_reference(sol: Solution) -> bool:
+    """Return whether a run succeeded, or is doubtful only since deflections exceed the range of linear modes."""
     if sol.success or sol.status != "doubtful" or not isinstance(sol.problem, Mechanism):
         return bool(sol.success)
     return sol.message == beyond_linear(sol.mechanism.model, sol.nodes[1][:, : sol.mechanism.nq])
 
 
-def _continued(system: Any, sol: Solution, i: int, t: float) -> Array:
+def _integrated_from_node(system: Any, sol: Solution, i: int, t: float) -> Array:
     """Return the point of a run at time t, integrated from its last node i before t."""
     ts, ys, zs = sol.nodes
     if abs(t - ts[i]) <= 16 * np.spacing(abs(t)):

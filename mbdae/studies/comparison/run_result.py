@@ -24,18 +24,18 @@ class RunResult:
         errors: by quantity the largest difference to the reference over the common times: of ``"q"`` in the tangent
             (rad, m), ``"v"`` (rad/s, m/s), and ``"lam"`` from the hidden constraint (N, N m); of ``"y"`` and ``"z"`` of
             a textbook problem. Empty for an incomplete run.
-        ends: the same at the end.
+        ends: the same differences at the end time.
         g: max |g| over all rows and steps (m, rad).
         Gv: max |G v| over all rows and steps (m/s, rad/s); of a textbook problem that of g' = g_t + g_y f.
         energy: relative error of the energy balance; None if there is no energy.
         steps: steps taken.
         rejected: steps rejected; None if a solver does not report them.
         f: evaluations of the forces.
-        M: mass matrices.
-        G: constraint Jacobians.
-        solves: linear systems of a stage.
-        factorizations: of any kind.
-        times: wall times of the repeated runs in s.
+        M: evaluations of the mass matrix.
+        G: evaluations of the constraint Jacobian.
+        solves: linear solves of stages.
+        factorizations: matrix factorizations of all kinds.
+        times: wall times of the repetitions in s.
         message: why a run has no errors, or warnings; "" for none.
     """
 
@@ -122,6 +122,6 @@ def nonnegative(x: Any) -> float:
 
 
 def ordered(points: Iterable[RunResult], labels: Sequence[tuple]) -> tuple[RunResult, ...]:
-    """Return runs in the order of the requested labels; others are omitted."""
+    """Return the runs with the requested labels, in their order."""
     found = {p.label: p for p in points}
     return tuple(found[key] for key in labels if key in found)

@@ -28,10 +28,10 @@ def selected(
     steps: Sequence[int] | None,
     backend: str,
 ) -> tuple[list[Variant], dict[str, str]]:
-    """Return the methods to compare, and the reasons why others of ``"all"`` are omitted, by name.
+    """Return the methods to compare, and the methods that ``"all"`` omits with the reasons.
 
     Raises:
-        InputError: for a method, named by itself, that does not suit the problem, or if none does.
+        InputError: for a method given by name that does not suit the problem, or if none does.
     """
     names = None if methods is None else as_list(methods, "methods is a list of names")
     controlled, fixed = steps is None or rtol is not None, steps is not None
@@ -50,21 +50,21 @@ def selected(
 
 
 def all_variants(formulations: str | Iterable[str] | None = None) -> list[Variant]:
-    """Return all methods of `mbdae.METHODS` in these formulations; when left out with ``ida`` and index-1 methods."""
-    others = [] if formulations else [IDA.name, *(f"index1:{name}" for name in EXPLICIT)]
-    return variants([*variants(ALL_METHODS, formulations), *others])
+    """Return all methods of `mbdae.METHODS` in the formulations; by default also ``ida`` and index-1 methods."""
+    further = [] if formulations else [IDA.name, *(f"index1:{name}" for name in EXPLICIT)]
+    return variants([*variants(ALL_METHODS, formulations), *further])
 
 
 def suitable(
     problem: Problem, candidates: Iterable[Variant], fixed: bool, backend: str
 ) -> tuple[list[Variant], dict[str, str]]:
-    """Return the candidates that suit a problem, and the reasons why the others do not, by name.
+    """Return the candidates that suit a problem, and the omitted candidates with the reasons.
 
     Args:
         problem: the problem.
         candidates: methods.
-        fixed: whether methods that take fixed steps alone get numbers of steps.
-        backend: of all runs; the compiled core omits methods whose steps Python computes.
+        fixed: whether numbers of steps are given for methods without step-size control.
+        backend: back end of all runs; the compiled core omits methods whose steps Python computes.
 
     Raises:
         InputError: if none does.
@@ -84,30 +84,30 @@ def suitable(
 
 
 def _reason(problem: Problem, v: Variant, fixed: bool) -> str:
-    """Return why a problem does not admit a method, or not without numbers of steps; or ""."""
-    found = find_method(v.formulation, v.method)
+    """Return why a method does not suit a problem, or requires numbers of steps; "" if it is suitable."""
+    method = find_method(v.formulation, v.method)
     try:
-        if reason := obstacle(found, problem.system(v.formulation)):
+        if reason := obstacle(method, problem.system(v.formulation)):
             return reason
     except InputError as e:
         return str(e)
-    if not fixed and not found.error_power:
-        return f"method {found.name!r} takes fixed steps: compare with numbers of steps"
+    if not fixed and not method.error_power:
+        return f"method {method.name!r} takes fixed steps: compare with numbers of steps"
     return ""
 
 
 def _reason_of_formulations(problem: Problem, chosen: list[Variant]) -> str:
-    """Return which methods are in formulations that do not support the switches of the problem; or ""."""
+    """Return a message on methods whose formulations do not support the switches of the problem, or ""."""
     unsupported = [str(v) for v in chosen if v.formulation != "index2"]
     if not (unsupported and isinstance(problem, Mechanism) and problem.switches):
         return ""
     name = problem.switches[0].name
-    words = f"{name!r}: unilateral constraints and switches need formulation 'index2'"
-    return f"{words}, leave out {', '.join(unsupported)}"
+    message = f"{name!r}: unilateral constraints and switches need formulation 'index2'"
+    return f"{message}, leave out {', '.join(unsupported)}"
 
 
 def trials_of(methods: list[Variant], rtol: Sequence[float] | None, steps: Sequence[int] | None) -> list[Trial]:
-    """Return the runs of each method: with tolerances, with numbers of steps where these are given alone or needed.
+    """Return the runs of each method: with tolerances, or with numbers of steps if it needs them or only these are set.
 
     Raises:
         InputError: for invalid tolerances or numbers of steps.

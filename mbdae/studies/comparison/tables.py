@@ -24,7 +24,7 @@ def comparison_table(result: "Comparison") -> str:
         f"all runs: {result.computed_by}",
         "",
     ]
-    headers, units = comparison_heads(result)
+    headers, units = comparison_headings(result)
     rows = [*([units] if any(units[:-1]) else []), *comparison_rows(result)[1]]
     ranking = [t.replace(": ", ":\n  ", 1).replace("; fastest", "\n  fastest") for t in result.sentences()]
     omitted = ["", "omitted:", *(f"  {reason}" for reason in result.omitted.values())] if result.omitted else []
@@ -33,11 +33,11 @@ def comparison_table(result: "Comparison") -> str:
 
 def comparison_rows(result: "Comparison") -> tuple[list[str], list[list[str]]]:
     """Return headings with units, and rows, of the table as text."""
-    headers = [f"{name} ({unit})" if unit else name for name, unit in zip(*comparison_heads(result), strict=True)]
+    headers = [f"{name} ({unit})" if unit else name for name, unit in zip(*comparison_headings(result), strict=True)]
     return headers, [_row(result, p) for p in result.points]
 
 
-def comparison_heads(result: "Comparison") -> tuple[list[str], list[str]]:
+def comparison_headings(result: "Comparison") -> tuple[list[str], list[str]]:
     """Return headings of the table, and the units of its columns as they are shown."""
     fixed = result.points and all(p.n is not None for p in result.points)
     residuals = ("|g|", "|G v|", "energy") if "v" in result.quantities else ("|g|", "|g'|")

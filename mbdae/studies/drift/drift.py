@@ -30,15 +30,15 @@ class History:
     """Drift over time.
 
     Attributes:
-        title: of the mechanism.
+        title: title of the mechanism.
         method: a `mbdae.studies.method_variant.Variant` as text.
         label: method and tolerance or step.
         t: times in s, (n,).
         g: max |g| over rows (m, rad), (n,).
         Gv: max |G v| over rows (m/s, rad/s), (n,).
         energy: |E - E_0 - W| over the energy scale of `Drift`, (n,); None for a textbook problem.
-        unit: of g, a list for rows of several, ``"m, rad"``; "" for a textbook problem.
-        rate_unit: of Gv.
+        unit: unit of g, a list if rows have several, ``"m, rad"``; "" for a textbook problem.
+        rate_unit: unit of Gv.
     """
 
     title: str
@@ -57,14 +57,14 @@ class Drift(Tabular):
     """Result of `drift`. For a textbook problem, which has no energy, the energy fields are None.
 
     Attributes:
-        title: of the mechanism.
+        title: title of the mechanism.
         method: method of the run, a `mbdae.studies.method_variant.Variant` as text.
         label: method and tolerance or step.
         t_end: last time in s.
         g_max: max |g| over rows and times (m, or rad for directions).
         g_end: max |g| over rows at the end.
         g_closure: name of the closure with the largest violation.
-        g_rows: number of rows that have a g, and of all rows.
+        g_rows: number of rows with a position level, and of all rows.
         Gv_max: max |G v| over rows and times (m/s, rad/s); of a textbook problem max |g_t + g_y f|.
         Gv_end: max |G v| at the end.
         energy_error: max |E - E_0 - W| in J; W is the work of non-conservative forces, integrated with the motion.
@@ -75,11 +75,11 @@ class Drift(Tabular):
             fewer than 100 nodes.
         energy_trend_error: its standard error in J/s.
         momenta: the relative change of each conserved momentum by name, see
-            `mbdae.studies.drift.long_time.momentum_changes`; None unless asked for.
+            `mbdae.studies.drift.long_time.momentum_changes`; None unless requested.
         reversal: differences of q (m, rad) and v (m/s, rad/s) at the start after a run back from the end; None unless
-            asked for, or if that run ended early.
+            requested, or if that run ended early.
         history: residuals over time.
-        units: of ``g_max``, ``g_end``, ``Gv_max`` and ``Gv_end``: those of the rows with the largest residuals.
+        units: units of ``g_max``, ``g_end``, ``Gv_max`` and ``Gv_end``: those of the rows with the largest residuals.
     """
 
     title: str
@@ -161,15 +161,15 @@ class Drift(Tabular):
 
     def __str__(self) -> str:
         worst, (positional, rows) = f" ({self.g_closure})" if self.g_closure else "", self.g_rows
-        free = (
+        note = (
             f"; over {positional} of {rows} rows, {rows - positional} have no position level"
             if positional < rows
             else ""
         )
-        wide = len(self._velocity_label)
+        width = len(self._velocity_label)
         lines = [
             f"drift of {self.title}, {self.label}, t = {quantity(self.t_end, 's', 'g')}",
-            f"  {'|g|':{wide}}  max {self.formatted('g_max')}{worst}, at the end {self.formatted('g_end')}{free}",
+            f"  {'|g|':{width}}  max {self.formatted('g_max')}{worst}, at the end {self.formatted('g_end')}{note}",
             f"  {self._velocity_label}  max {self.formatted('Gv_max')}, at the end {self.formatted('Gv_end')}",
         ]
         if self.energy_error is not None:
@@ -210,8 +210,8 @@ def drift(sol: Solution, *, long_time: bool = False) -> Drift:
 
     Args:
         sol: the solution, of a mechanism or a textbook problem.
-        long_time: measure the change of conserved momenta, and run back to the start: the error of a symmetric method
-            is rounding.
+        long_time: measure the change of conserved momenta, and the error of a run back to the start, which is rounding
+            for a symmetric method.
 
     Returns:
         Largest and last residuals, and their history.
@@ -226,21 +226,21 @@ def drift(sol: Solution, *, long_time: bool = False) -> Drift:
             reject_textbook(sol.problem.title)
         return _textbook_drift(sol, sol.problem)
     mech, r = sol.mechanism, residuals(sol)
-    gaps, rates = np.abs(r.g), np.abs(r.Gv)
+    abs_g, abs_Gv = np.abs(r.g), np.abs(r.Gv)
     error, scale, relative = _energy_balance(sol, r)
     trend, trend_error = linear_trend(sol.t, error) or (None, None)
     error = np.abs(error)
     method, label = run_labels(sol)
     history = History(
-        mech.title, method, label, sol.t, gaps.max(axis=1, initial=0.0), rates.max(axis=1, initial=0.0),
+        mech.title, method, label, sol.t, abs_g.max(axis=1, initial=0.0), abs_Gv.max(axis=1, initial=0.0),
         np.abs(relative),
         quantity_units(mech)["g"], quantity_units(mech)["Gv"],
     )  # fmt: skip
-    where = mech.row_names[_largest_row(gaps)] if mech.positional.any() else ""
+    where = mech.row_names[_largest_row(abs_g)] if mech.positional.any() else ""
     units = {
-        f"{name}_{what}": f"{mech.row_units[_largest_row(values)]}{per}"
-        for name, x, per in (("g", gaps, ""), ("Gv", rates, "/s"))
-        for what, values in (("max", x), ("end", x[-1:]))
+        f"{name}_{suffix}": f"{mech.row_units[_largest_row(values)]}{per}"
+        for name, x, per in (("g", abs_g, ""), ("Gv", abs_Gv, "/s"))
+        for suffix, values in (("max", x), ("end", x[-1:]))
         if mech.ng
     }
     return Drift(
@@ -248,12 +248,12 @@ def drift(sol: Solution, *, long_time: bool = False) -> Drift:
         method=method,
         label=label,
         t_end=float(sol.t[-1]),
-        g_max=float(gaps.max(initial=0)),
-        g_end=float(gaps[-1].max(initial=0)),
+        g_max=float(abs_g.max(initial=0)),
+        g_end=float(abs_g[-1].max(initial=0)),
         g_closure=where,
         g_rows=(int(mech.positional.sum()), mech.ng),
-        Gv_max=float(rates.max(initial=0)),
-        Gv_end=float(rates[-1].max(initial=0)),
+        Gv_max=float(abs_Gv.max(initial=0)),
+        Gv_end=float(abs_Gv[-1].max(initial=0)),
         energy_error=float(error.max()),
         energy_scale=scale,
         work_end=float(sol.work[-1] - sol.work[0]),
@@ -267,9 +267,9 @@ def drift(sol: Solution, *, long_time: bool = False) -> Drift:
 
 
 def _energy_balance(sol: Solution, r: Residuals) -> tuple[Array, float, Array]:
-    """Return E - E_0 - W at the times of a solution in J, (n,), the reference energy in J of all its nodes, the ratio.
+    """Return E - E_0 - W at the times of a solution in J, (n,), the reference energy in J, and their ratio.
 
-    At the times that ``t_eval`` requested, the mechanism may be at rest although it moved.
+    The reference energy is that of all nodes: at the times of ``t_eval`` the mechanism may be at rest.
     """
     t, y, _ = sol.nodes
     with np.errstate(over="ignore", invalid="ignore"):  # overflow of a diverging run

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 def drifts(runs: Sequence[History]) -> "Figure":
     """Draw |g|, and the relative error of the energy balance, of several runs over time.
 
-    Textbook problems have no energy: if there are no others, the lower axes show |g_t + g_y f|.
+    Textbook problems have no energy: if all runs are of textbook problems, the lower axes show |g_t + g_y f|.
     Runs of one method share a colour and a line style; labels name the mechanism if there are several.
     """
     figure = empty_figure(WIDTH, 4.6)
@@ -57,6 +57,6 @@ def drifts(runs: Sequence[History]) -> "Figure":
 def _line(ax: "Axes", t: np.ndarray, values: np.ndarray, shift: float, **style: Any) -> None:
     """Draw a curve with ten markers, at different times for different runs."""
     fractions = (np.arange(10) + shift) / 10
-    at = np.abs(t[:, None] - (t[0] + fractions * (t[-1] - t[0]))).argmin(axis=0)
-    ax.plot(t, positive(values), **style, lw=0.9, markevery=sorted(set(at.tolist())))
+    nodes = np.abs(t[:, None] - (t[0] + fractions * (t[-1] - t[0]))).argmin(axis=0)
+    ax.plot(t, positive(values), **style, lw=0.9, markevery=sorted(set(nodes.tolist())))
     logarithmic(ax.yaxis)

@@ -1,4 +1,4 @@
-"""Measures of runs over long times: change of conserved momenta, and the error after the way back."""
+"""Long-time measures of a run: change of conserved momenta, and the error of a run back to the start."""
 
 import numpy as np
 
@@ -16,16 +16,16 @@ WORLD = tuple(f"{kind}.{x}" for kind in ("momentum", "angular_momentum.origin") 
 
 
 def momentum_changes(sol: Solution) -> dict[str, float]:
-    """Return the largest change of each conserved momentum, relative to the largest sum of the sizes of its terms.
+    """Return the largest change of each conserved momentum, relative to the largest sum of magnitudes of its terms.
 
     A momentum is conserved if its rate by the equations of motion, at states of the run, is rounding. Candidates are
-    those of `mbdae.mechanism.signals.momentum.Momenta`: by name ``momentum.x``, ``angular_momentum.origin.x`` (about
+    those of `mbdae.mechanism.signals.momentum.Momenta`: ``momentum.x``, ``angular_momentum.origin.x`` (about
     the origin of the world), and for ``v.joint`` the component ``p.joint`` of M v, conserved for a cyclic coordinate.
-    Those whose terms are all zero are omitted.
+    Momenta whose terms are all zero are omitted.
     """
     mech = sol.mechanism
-    at = np.unique(np.linspace(0, len(sol.t) - 1, SAMPLES).astype(int))
-    found = momenta(mech.model, sol.q[at], sol.v[at], sol.vdot[at])
+    nodes = np.unique(np.linspace(0, len(sol.t) - 1, SAMPLES).astype(int))
+    found = momenta(mech.model, sol.q[nodes], sol.v[nodes], sol.vdot[nodes])
     names = [*WORLD, *(f"p.{name.removeprefix('v.')}" for name in units(mech) if name.startswith("v."))]
     span = abs(float(sol.t[-1] - sol.t[0]))
     return {name: _change(found, i) for i, name in enumerate(names) if _conserved(found, i, span)}
@@ -36,7 +36,7 @@ def _change(found: Momenta, i: int) -> float:
 
 
 def _conserved(found: Momenta, i: int, span: float) -> bool:
-    """Return whether a momentum has terms, and its rate is rounding of its terms, or of a change over the span."""
+    """Return whether a momentum has nonzero terms, and its rate is rounding: of its terms, or of size over span."""
     kind = slice(3 * (i // 3), 3 * (i // 3) + 3) if i < len(WORLD) else slice(len(WORLD), None)
 
     def largest(x: Array) -> float:
@@ -50,8 +50,8 @@ def _conserved(found: Momenta, i: int, span: float) -> bool:
 def reversal_error(sol: Solution) -> tuple[float, float] | None:
     """Return the largest differences of q and of v at the start after a run back from the end with the same settings.
 
-    Closures that drift has opened are closed first. None if the run back ends early. A symmetric method returns to
-    rounding, if the span is a whole number of constant steps.
+    A final configuration with constraint drift is assembled first. None if the run back ends early. The error of a
+    symmetric method is rounding, if the span is a whole number of constant steps.
 
     Raises:
         InputError: for forces that cannot be integrated backward in time.

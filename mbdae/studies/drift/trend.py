@@ -5,13 +5,13 @@ import numpy as np
 from ...system import Array
 
 BLOCKS = 50  # number of blocks of equal duration
-LARGEST_CORRELATION = 0.95  # correlation of successive means: with larger ones the standard error has no meaning
+LARGEST_CORRELATION = 0.95  # correlation of successive means, above which the standard error is meaningless
 
 
 def linear_trend(t: Array, x: Array) -> tuple[float, float] | None:
     """Return the trend of x(t) and its standard error, by regression of means over `BLOCKS` blocks between nodes.
 
-    A quantity without trend has one of 0 within three standard errors. With the correlation r of successive means,
+    The trend of a stationary quantity is 0 within three standard errors. With the correlation r of successive means,
     as in oscillations slower than a block, the standard error is that of independent means times
     ((1 + r) / (1 - r))^(1/2).
 
@@ -28,12 +28,12 @@ def linear_trend(t: Array, x: Array) -> tuple[float, float] | None:
         return None
     integral = np.concatenate([[0.0], np.cumsum(np.diff(t) * (x[1:] + x[:-1]) / 2)])
     sign = np.sign(t[-1] - t[0])
-    at = np.searchsorted(sign * t[:-1], sign * np.linspace(t[0], t[-1], BLOCKS + 1))
-    at = at[np.diff(at, prepend=-1) > 0]  # np.unique imports numpy.ma, a thirtieth of a first run
-    means, middle = np.diff(integral[at]) / np.diff(t[at]), (t[at][1:] + t[at][:-1]) / 2
+    nodes = np.searchsorted(sign * t[:-1], sign * np.linspace(t[0], t[-1], BLOCKS + 1))
+    nodes = nodes[np.diff(nodes, prepend=-1) > 0]  # np.unique imports numpy.ma, 3 % of the time of a first run
+    means, middle = np.diff(integral[nodes]) / np.diff(t[nodes]), (t[nodes][1:] + t[nodes][:-1]) / 2
     middle = middle - middle.mean()
     trend = middle @ means / (middle @ middle)
-    left = means - means.mean() - trend * middle
-    power = left @ left
-    r = min(max(left[1:] @ left[:-1] / power, 0.0), LARGEST_CORRELATION) if power else 0.0
+    residual = means - means.mean() - trend * middle
+    power = residual @ residual
+    r = min(max(residual[1:] @ residual[:-1] / power, 0.0), LARGEST_CORRELATION) if power else 0.0
     return float(trend), float(np.sqrt(power / (len(means) - 2) / (middle @ middle) * (1 + r) / (1 - r)))

@@ -1,4 +1,4 @@
-"""Batches of runs of an ensemble in the compiled core, each by one thread."""
+"""Batches of runs of an ensemble: each batch runs in the compiled core on one thread."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,19 +21,19 @@ from ...integrate.run.run_state import RunState
 from ...mechanism import Mechanism
 from ...system import Array
 from ..factories import ParametricFactory
-from ..final_signals import need_only_kinematics, signals_at_end, why_not_in_core
+from ..final_signals import need_only_kinematics, reason_not_in_core, signals_at_end
 from ..run_columns import equal_rows, row
-from ..varied_starts import Begun, VariedStarts
+from ..varied_starts import RunStarts, VariedStarts
 from ..workers import StopFlag, batch_size
 from .run_results import RunResults
 
 NEEDS_PYTHON = "a singular configuration, a failed step, many steps or inaccurate results"
-OTHER_MECHANISM = "a start or a parameter that needs a mechanism of its run"
+OTHER_MECHANISM = "a start or a parameter that requires a separate mechanism"
 INCONSISTENT_START = "a start that may be inconsistent"
 
 
 class Starts(NamedTuple):
-    """Starts of n runs; None for the start of the model."""
+    """Starts of n runs; q or v is None if the runs start as the model does."""
 
     n: int
     q: Array | None
@@ -43,9 +43,9 @@ class Starts(NamedTuple):
         """Return q (nq,) and v (nv,) of run i, as arguments of `mbdae.solve`."""
         return (None if self.q is None else self.q[i]), (None if self.v is None else self.v[i])
 
-    def points(self, mech: Mechanism, i: Array, of_model: Array) -> Array:
-        """Return the points of some runs, (k, n), where the starts of the model are the points ``of_model``, (k, n)."""
-        y = of_model.copy()
+    def points(self, mech: Mechanism, i: Array, model_points: Array) -> Array:
+        """Return the initial points of the runs i, (k, n); ``model_points``, (k, n), are the starts of the model."""
+        y = model_points.copy()
         if self.q is not None:
             y[:, : mech.nq] = self.q[i]
         if self.v is not None:
@@ -62,11 +62,11 @@ class EnsembleJob:
         t_span: start and end in s; from 0 to the model's duration when None.
         starts: the starts.
         parameters: values by name, (n,) each.
-        names: signals.
+        names: names of the signals.
         settings: arguments of `mbdae.solve`.
         results: the results.
         calls_python: whether a run that is left to `mbdae.solve` calls functions of Python.
-        seconds: wall time of a completed run of the last batch that had one; None before it.
+        seconds: mean wall time of the completed runs of a batch; None before the first.
     """
 
     source: Mechanism | ParametricFactory
@@ -83,7 +83,7 @@ class EnsembleJob:
         """Return the mechanism of run i.
 
         Raises:
-            InputError: if its points are longer or shorter than those of the results.
+            InputError: if the length of its points differs from that of the results.
         """
         if isinstance(self.source, Mechanism):
             return self.source
@@ -101,8 +101,8 @@ class EnsembleJob:
             )
         return mech
 
-    def begin(self, i: Array) -> Iterator[tuple[Mechanism, Begun]]:
-        """Yield those of some runs that can begin, by their mechanism.
+    def begin(self, i: Array) -> Iterator[tuple[Mechanism, RunStarts]]:
+        """Yield the runs that can begin, grouped by mechanism.
 
         Raises:
             MbdaeError: if none can begin, for the same reason.
@@ -116,20 +116,20 @@ class EnsembleJob:
         else:
             yield from self._begin_at_starts_of_model(i)
             return
-        yield mech, Begun(i, self.starts.points(mech, i, points))
+        yield mech, RunStarts(i, self.starts.points(mech, i, points))
 
-    def _begin_at_starts_of_model(self, i: Array) -> Iterator[tuple[Mechanism, Begun]]:
-        """See `begin`: starts of the model depend on the parameters. Runs that need a mechanism each are left."""
-        left = np.ones(len(i), bool)
+    def _begin_at_starts_of_model(self, i: Array) -> Iterator[tuple[Mechanism, RunStarts]]:
+        """See `begin`: starts of the model depend on the parameters. Runs with separate mechanisms are left out."""
+        remaining = np.ones(len(i), bool)
         for group in self.varied_starts.groups(self._columns(i), len(i)):
             which, y, parameters = group.begin()
             if not len(which):
                 continue
-            runs, left[which] = i[which], False
-            with self.results.failing(runs):
+            runs, remaining[which] = i[which], False
+            with self.results.recording_errors(runs):
                 mech = self._checked(group.mech)
-                yield mech, Begun(runs, self.starts.points(mech, runs, y), parameters)
-        self.results.leave(i[left], OTHER_MECHANISM)
+                yield mech, RunStarts(runs, self.starts.points(mech, runs, y), parameters)
+        self.results.leave(i[remaining], OTHER_MECHANISM)
 
     @cached_property
     def varied_starts(self) -> VariedStarts:
@@ -170,29 +170,29 @@ class EnsembleJob:
 
 def batches(job: EnsembleJob, pending: int) -> Iterator[list[Array]]:
     """Yield lists of indices of runs with the same mechanism, see `batch_size`."""
-    batch, left, room = list[Array](), job.starts.n, 0
+    batch, remaining, capacity = list[Array](), job.starts.n, 0
     for group in job.groups():
         while len(group):
-            if room < min(len(group), size := batch_size(left, pending, job.seconds)):
+            if capacity < min(len(group), size := batch_size(remaining, pending, job.seconds)):
                 if batch:
                     yield batch
-                batch, room = [], size
-            part, group = group[:room], group[room:]
-            batch.append(part)
-            room, left = room - len(part), left - len(part)
+                batch, capacity = [], size
+            taken, group = group[:capacity], group[capacity:]
+            batch.append(taken)
+            capacity, remaining = capacity - len(taken), remaining - len(taken)
     if batch:
         yield batch
 
 
 def run_batch(job: EnsembleJob, batch: list[Array], stop: StopFlag) -> None:
-    """Make the runs of a batch in the core; others are marked, see `RunResults`."""
+    """Run a batch in the core; runs that need Python are marked, see `RunResults`."""
     started, completed = perf_counter(), 0
     for i in batch:
         if stop():
             return
-        with job.results.failing(i):
+        with job.results.recording_errors(i):
             for mech, begun in job.begin(i):
-                with job.results.failing(begun.i):
+                with job.results.recording_errors(begun.i):
                     run = prepare_at(mech, job.options(mech), begun.y[0])
                     completed += _complete(job, run, begun, stop)
                     run.release()
@@ -200,10 +200,10 @@ def run_batch(job: EnsembleJob, batch: list[Array], stop: StopFlag) -> None:
         job.seconds = (perf_counter() - started) / completed
 
 
-def _complete(job: EnsembleJob, run: RunState, begun: Begun, stop: StopFlag) -> int:
-    """Make runs in the core; return how many it completed."""
+def _complete(job: EnsembleJob, run: RunState, begun: RunStarts, stop: StopFlag) -> int:
+    """Run a group in the core; return the number of completed runs."""
     i, y, parameters = begun
-    reason = why_not_in_core(run, job.names)
+    reason = reason_not_in_core(run, job.names)
     if reason:
         job.results.leave(i, reason)
         job.calls_python |= calls_python(run)

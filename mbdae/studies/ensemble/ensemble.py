@@ -1,4 +1,4 @@
-"""Many runs of a mechanism in the compiled core: starts and parameters as arrays, ends as arrays."""
+"""Many runs of a mechanism in the compiled core: arrays of starts and parameters in, arrays of final states out."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -17,7 +17,7 @@ from ..workers import pool
 from .batch import EnsembleJob, Starts, batches, run_batch
 from .result import Ensemble
 from .run_results import RunResults
-from .single_runs import complete_singly
+from .single_runs import complete_in_python
 
 __all__ = ["ensemble"]
 
@@ -36,16 +36,16 @@ def ensemble(
     progress: Progress | None = None,
     **settings: Any,
 ) -> Ensemble:
-    """Run a mechanism from many starts and with many values of its parameters; return the ends of the runs.
+    """Run a mechanism from many starts and with many values of its parameters; return the final states.
 
         q' = v,   M(q; p_i) v' = f(t, q, v; p_i) + G^T lam,   0 = G v + g_t,   q(t0) = q_i,  v(t0) = v_i,  i = 1, ..., n
 
-    Runs that request nothing from Python are made in the compiled core, on several threads, from start to end: each has
-    the bits of `mbdae.solve`, whatever the number of threads. Others follow by `mbdae.solve`: those of
-    mechanisms with modes, flexible or rolling bodies, of other formulations than ``"index2"``, next to singular
-    configurations, with more than 2000 steps (which are checked for stiffness) or with accuracy warnings, on several
-    threads, too; and those that call functions of Python, one after another. `Ensemble.in_python` counts them by
-    reason. After Ctrl-C, the finished runs are returned, and the others have the status ``"interrupted"``.
+    Runs that need nothing from Python are computed in the compiled core, on several threads, from start to end: their
+    results are bitwise those of `mbdae.solve`, whatever the number of threads. `mbdae.solve` then makes the remaining
+    runs: on several threads those of mechanisms with modes, flexible or rolling bodies, of other formulations than
+    ``"index2"``, close to singular configurations, with more than 2000 steps (which are checked for stiffness) or with
+    accuracy warnings; and one after another those that call functions of Python. `Ensemble.in_python` counts them by
+    reason. After Ctrl-C, the finished runs are returned; unfinished runs have the status ``"interrupted"``.
 
     Args:
         model: a mechanism, an argument of `mbdae.load`, or a function of the parameters that returns a Mechanism.
@@ -56,11 +56,11 @@ def ensemble(
         signals: names of signals whose values at the end are returned, see `mbdae.Solution.signals`, of the first
             mechanism that can be made.
         workers: threads; one per processor when left out.
-        progress: called with the fraction done and a text.
+        progress: called with the completed fraction and a message.
         settings: arguments of `mbdae.solve`: method, rtol, atol, step, project, ...
 
     Returns:
-        Ends, status and message, counts and signals of all runs.
+        Final states, status and message, counts and signals of all runs.
 
     Raises:
         UnknownNameError: for a model, parameter, signal or setting that does not exist.
@@ -68,16 +68,16 @@ def ensemble(
             parameter that is not valid, a mechanism without the signals, or a function that fails, is the status
             ``"input"``, ``"assembly"`` or ``"error"`` of its run.
     """
-    check_settings(list(settings), others=(*NOT_SETTINGS, "events"))
+    check_settings(list(settings), excluded=(*NOT_SETTINGS, "events"))
     values = _columns(parameters)
     source = _source(model, values)
-    first = source if isinstance(source, Mechanism) else _first_made(source, values)
+    first = source if isinstance(source, Mechanism) else _first_mechanism(source, values)
     starts = _starts(first, q, v, {name: len(x) for name, x in values.items()})
     names = tuple(find(first, as_list(signals, "signals are a list of names")))
     job = EnsembleJob(source, t_span, starts, values, names, settings, RunResults.of(first, starts.n, names))
     job.check(first)
     if _run_in_core(job, workers, progress):
-        complete_singly(job, workers, progress)
+        complete_in_python(job, workers, progress)
     found, known = job.results, units(first) if names else {}
     n, nq = starts.n, first.nq
     return Ensemble(
@@ -89,7 +89,7 @@ def ensemble(
 
 
 def _run_in_core(job: EnsembleJob, workers: int | None, progress: Progress | None) -> bool:
-    """Make all runs that do not need Python; return False after Ctrl-C."""
+    """Complete all runs that do not need Python; return False after Ctrl-C."""
     done = [0]
 
     def report(batch: list[Array], _: None) -> None:
@@ -133,7 +133,7 @@ def _source(model: object, values: dict[str, Array]) -> Mechanism | ParametricFa
     return factory if values else factory.make({})
 
 
-def _first_made(factory: ParametricFactory, values: dict[str, Array]) -> Mechanism:
+def _first_mechanism(factory: ParametricFactory, values: dict[str, Array]) -> Mechanism:
     """Return the first mechanism that can be made.
 
     Raises:

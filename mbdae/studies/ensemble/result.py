@@ -17,15 +17,15 @@ __all__ = ["Ensemble"]
 
 @dataclass
 class Ensemble(Tabular):
-    """The ends of n runs, in the order of their starts and parameters; nan for runs that never began.
+    """Final states of n runs, in the order of their starts and parameters; nan for runs that never began.
 
     Attributes:
-        title: of the mechanism.
+        title: title of the mechanism.
         t: end times in s, (n,).
         q: configurations at the end, (n, nq).
         v: velocities at the end, (n, nv).
-        status: one of `mbdae.errors.STATUS`, or ``"input"``, ``"assembly"``, ``"error"`` for runs without a start, for
-            each run.
+        status: status of each run, one of `mbdae.errors.STATUS`, or ``"input"``, ``"assembly"``, ``"error"`` for runs
+            that did not begin.
         message: one line of text for each run.
         steps: accepted steps, (n,).
         rejected: rejected steps, (n,).
@@ -33,7 +33,7 @@ class Ensemble(Tabular):
         parameters: values by name, (n,) each.
         signals: values at the end by name, (n,) each.
         units: units of the signals.
-        in_python: numbers of runs that `mbdae.solve` made after the others, by reason.
+        in_python: numbers of runs that were left to `mbdae.solve`, by reason.
     """
 
     title: str
@@ -86,12 +86,12 @@ class Ensemble(Tabular):
         return [heading, *(f"{value:.6g}" for value in (x.mean(), spread, x.min(), x.max()))]
 
     def remarks(self) -> list[str]:
-        """Return a line for each reason to run in Python, and for each kind of failure."""
+        """Return a line for each reason for runs in Python, and for each kind of failure."""
         lines = [f"{n} by mbdae.solve: {reason}" for reason, n in self.in_python.items()]
         for status in dict.fromkeys(status for status in self.status if status not in SUCCESS):
             i = self.status.index(status)
-            what = FAILURES.get(status) or STATUS.get(status, "")
-            lines.append(f"{status}: {what}, for instance run {i}: {self.message[i]}")
+            meaning = FAILURES.get(status) or STATUS.get(status, "")
+            lines.append(f"{status}: {meaning}, for instance run {i}: {self.message[i]}")
         return lines
 
     def __str__(self) -> str:

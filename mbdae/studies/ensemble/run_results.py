@@ -22,12 +22,12 @@ class RunResults:
     Attributes:
         t: end times, (n,).
         y: end points, (n, ...).
-        counts: `COUNTS`, (n, 10).
+        counts: numbers of steps and evaluations by `COUNTS`, (n, 10).
         drift: largest |g|, (n,).
         signals: values at the end, (n, k).
         status: status of each run.
         message: message of each run.
-        reasons: why a run is left to `mbdae.solve`; "" for others.
+        reasons: why each run is left to `mbdae.solve`; "" if it is not.
     """
 
     t: Array
@@ -56,7 +56,7 @@ class RunResults:
             self.status[k], self.message[k], self.reasons[k] = status, str(error), ""
 
     @contextmanager
-    def failing(self, i: Array) -> Iterator[None]:
+    def recording_errors(self, i: Array) -> Iterator[None]:
         """Record an error of the block as that of these runs."""
         try:
             yield

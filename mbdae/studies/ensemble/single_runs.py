@@ -17,22 +17,22 @@ from .run_results import UNFINISHED
 Progress = Callable[[float, str], None]
 
 
-def complete_singly(job: EnsembleJob, workers: int | None, progress: Progress | None = None) -> None:
-    """Make all runs that are left by `mbdae.solve`, on several threads, until Ctrl-C.
+def complete_in_python(job: EnsembleJob, workers: int | None, progress: Progress | None = None) -> None:
+    """Complete the runs that need Python by `mbdae.solve`, on several threads, until Ctrl-C.
 
-    Runs that call functions of Python, which may have memory, follow one after another.
+    If runs call functions of Python, which may have internal state, a single thread computes them in turn.
     """
-    left = {i: reason for i, reason in enumerate(job.results.reasons) if reason}
-    done = [job.starts.n - len(left)]
+    pending = {i: reason for i, reason in enumerate(job.results.reasons) if reason}
+    done = [job.starts.n - len(pending)]
 
     def report(i: int, _: None) -> None:
         done[0] += 1
         if progress:
-            progress(done[0] / job.starts.n, f"{done[0]} of {job.starts.n} runs, {left[i]} by mbdae.solve")
+            progress(done[0] / job.starts.n, f"{done[0]} of {job.starts.n} runs, {pending[i]} by mbdae.solve")
 
     count = 1 if job.calls_python else workers
     with suppress(KeyboardInterrupt), pool("threads", count, _complete, job, "") as threads:
-        threads.run(left, report)
+        threads.run(pending, report)
 
 
 def _complete(job: EnsembleJob, i: int, stop: StopFlag) -> None:

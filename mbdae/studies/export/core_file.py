@@ -1,4 +1,4 @@
-"""A mechanism as data for a core without Python and Pinocchio: what `mbdae/native/runtime` reads."""
+"""Core data of a mechanism for the runtime of FMUs, `mbdae/native/runtime`, which has no Python and no Pinocchio."""
 
 from collections.abc import Iterator
 from types import ModuleType
@@ -25,21 +25,21 @@ from ...solution.signal_value import SignalValue
 from ...tolerances import CLOSED
 
 DERIVED = ("states", "transitions", "nodes", "row_changes", "after_jumps")  # attributes of structs that are no fields
-RESTART_MARGIN = 0.5  # fraction of the range of local coordinates: beyond, others are due
+RESTART_MARGIN = 0.5  # fraction of the range of local coordinates beyond which a new chart is selected
 
 
 class _Recorder:
-    """Stands in for the core where a struct of it is made: its fields are recorded."""
+    """Substitute for the core that records the fields of a struct instead of constructing it."""
 
     def __getattr__(self, name: str) -> Any:
         return lambda **fields: {"struct": name, **fields}
 
 
 def require_exportable(mech: Mechanism) -> None:
-    """Require a mechanism without resets, which only Python computes.
+    """Reject a mechanism with resets, which only Python computes.
 
     Raises:
-        InputError: names them.
+        InputError: names the resets.
     """
     if mech.resets:
         names = ", ".join(str(getattr(x, "name", x)) for x in mech.resets)
@@ -47,7 +47,7 @@ def require_exportable(mech: Mechanism) -> None:
 
 
 def core_data(system: CompiledSystem) -> JsonObject:
-    """Return the data of the mechanism of a workspace: all that a core is made of.
+    """Return the data of the mechanism of a workspace from which the runtime constructs its core.
 
     Raises:
         InputError: for joints and functions that the runtime does not support, by name.
@@ -55,7 +55,7 @@ def core_data(system: CompiledSystem) -> JsonObject:
     native, mech, friction = system.native, system.mechanism, system.closure_friction
     if not native.sweeps(system.model):
         kinds = sorted({joint.shortname() for joint in list(system.model.joints)[1:]})
-        raise InputError(f"{mech.title}: the runtime does not know one of the joints {', '.join(kinds)}")
+        raise InputError(f"{mech.title}: the runtime does not support one of the joints {', '.join(kinds)}")
     try:
         description, samplers, interfaces = describe(system), samplers_of(system.laws), friction.core_data()
     except NotCompiled as e:
@@ -93,7 +93,7 @@ def _require_no_functions(mech: Mechanism, system: CompiledSystem, data: CoreDat
 
 
 def _owner(system: CompiledSystem, path: tuple[str, ...]) -> str:
-    """Return what a function in the data belongs to."""
+    """Describe the element that a function in the data belongs to."""
     bound: list[ForceElement] = [law for law, _ in system.laws.bound]
     law: ForceElement
     if path[0] == "samplers":
@@ -109,7 +109,7 @@ def _owner(system: CompiledSystem, path: tuple[str, ...]) -> str:
 
 
 def _leaves(data: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Yield all values within tables and lists, with their paths."""
+    """Yield all values in nested tables and lists, with their paths."""
     items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list | tuple) else None
     if items is None:
         yield path, data
@@ -119,12 +119,12 @@ def _leaves(data: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, 
 
 
 def numbers_of(data: CoreData) -> dict[tuple[str, ...], Any]:
-    """Return all values within the data by their paths."""
+    """Return all values in the data by their paths."""
     return dict(_leaves(data))
 
 
 def plain_json(data: Any) -> Any:
-    """Return tables, lists and numbers; arrays become lists of numbers."""
+    """Return nested data as JSON types; arrays become flat lists of numbers."""
     if isinstance(data, dict):
         return {key: plain_json(x) for key, x in data.items()}
     if isinstance(data, np.ndarray):
@@ -171,17 +171,17 @@ def _modes(run: RunState, core_run: Any) -> CoreData:
     """Return switches, and the guards of the mode.
 
     Raises:
-        InputError: for switches that the core does not follow.
+        InputError: for switches that the core does not handle.
     """
     changes = run.mode_changes
     if changes is None:
         return {"switches": [], "guards": []}
     system, modes, names = changes.system, core_run.modes, ", ".join(s.name for s in changes.switches)
     if not changes.core_switches:
-        raise InputError(f"{system.mechanism.title}: the core does not follow all of these switches: {names}")
+        raise InputError(f"{system.mechanism.title}: the core does not handle all of these switches: {names}")
     if core_run.jumps.times or samplers_of(system.laws):
         raise InputError(
-            f"{system.mechanism.title}: no switches besides jumps of forces and sampled controllers: {names}"
+            f"{system.mechanism.title}: switches cannot be exported with force jumps or sampled controllers: {names}"
         )
     modes.in_core, modes.unswitched = True, changes.unswitched.tolist()
     modes.set_switches(changes.core_switches)
@@ -190,7 +190,7 @@ def _modes(run: RunState, core_run: Any) -> CoreData:
 
 
 def count_indicators(data: CoreData) -> int:
-    """Return the number of event indicators: guards that a switch has at most (`native/runtime/exported_modes.cpp`)."""
+    """Return the number of event indicators: the most guards of each switch (`native/runtime/exported_modes.cpp`)."""
     return sum(2 if x["interface"] >= 0 or x["kind"] == "ratchet" else 1 for x in data["modes"]["switches"])
 
 

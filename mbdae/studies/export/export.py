@@ -41,7 +41,7 @@ RUNTIME = "_native_fmi3.so"  # the core without Python, built with the core
 PLATFORMS = {"linux": "linux", "darwin": "darwin"}
 MACHINES = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
 DIAGRAM = "diagram.png"
-OF_SIMULATORS = ("record", "restart", "events", "backend")
+SIMULATOR_SETTINGS = ("record", "restart", "events", "backend")
 STATE_SIGNALS = ("t", "y", "angle")  # kinds of outputs that are functions of the state
 DIFFERENTIABLE = (*STATE_SIGNALS, "rate", "lam", "force")
 
@@ -57,7 +57,7 @@ class ExportedUnit:
         outputs: names of its outputs.
         parameters: names of its parameters.
         states: number of continuous states for model exchange.
-        size: in bytes.
+        size: size of the file in bytes.
     """
 
     path: Path
@@ -95,34 +95,34 @@ def export(
     """Write a mechanism as a Functional Mock-up Unit (FMI 3.0) for other simulation programs.
 
     Co-simulation takes the steps of `mbdae.Simulator`. Model exchange is the equation x' = F(t, x, u) of
-    `Mechanism.ode`, whose solutions satisfy the constraints to rounding; where its local coordinates end, others begin
-    at an event. Impacts and changes of the mode are events; a mode with fewer degrees of freedom
-    has states that remain zero.
-    The file contains the compiled core and the data of the mechanism: it needs neither Python nor a compiler.
+    `Mechanism.ode`, whose solutions satisfy the constraints to rounding; at the end of the range of its local
+    coordinates, an event selects new ones. Impacts and changes of the mode are events; in a mode with fewer degrees of
+    freedom, the surplus states remain zero. The file contains the compiled core and the data of the mechanism: it needs
+    neither Python nor a compiler.
 
     Args:
         mech: a mechanism without resets and functions of Python.
         path: a file ``.fmu``.
         kind: ``"cs"`` for co-simulation, ``"me"`` for model exchange.
         inputs: names of inputs, see `mbdae.Input`; all of them if omitted.
-        outputs: names of signals, see `mbdae.Solution.signals`; q and v of all joints if omitted. ``"work"`` is one of
-            co-simulation alone.
-        parameters: dotted names of parameters, as of `mbdae.sensitivity`, on which the mechanism depends linearly; they
+        outputs: names of signals, see `mbdae.Solution.signals`; q and v of all joints if omitted. ``"work"`` is
+            available in co-simulation only.
+        parameters: dotted names of parameters, as in `mbdae.sensitivity`, on which the mechanism depends linearly; they
             are set before the initialization.
-        sources: Add the sources of the runtime, for other platforms: C++17, without other libraries.
-        **settings: as of `mbdae.Simulator`: a half-explicit method, step, rtol, t, q, v and others.
+        sources: Add the sources of the runtime, for other platforms: C++17 without further libraries.
+        **settings: settings of `mbdae.Simulator`: a half-explicit method, step, rtol, t, q, v and others.
 
     Raises:
         UnknownNameError: for an unknown kind, input, output or parameter.
-        InputError: for a mechanism that cannot be exported, by the name of its part, for an input with the name of
-            another variable, or without a runtime or its sources.
+        InputError: for a mechanism that cannot be exported, naming the element; for an input with the name of another
+            variable; without a runtime or its sources.
 
     Example:
         >>> mbdae.export(mbdae.load("slider_crank"), "slider_crank.fmu", step=1e-3)   # doctest: +SKIP
     """
     mech = mechanism_of(mech, "export")
     for name in settings:
-        if name in OF_SIMULATORS:
+        if name in SIMULATOR_SETTINGS:
             raise InputError(f"export has no {name}: it is a setting of mbdae.Simulator alone")
     kinds, path, runtime = _checked_kinds(kind), _checked_path(path), _runtime()
     code = source_files(_identifier(path)) if sources else {}
@@ -131,11 +131,11 @@ def export(
     system: CompiledSystem = simulator._run.system  # type: ignore[assignment]
     cells = simulator.inputs.user_inputs
     chosen = _checked_names("input", cells if inputs is None else inputs, cells)
-    named = _outputs(mech, outputs, kinds)
+    output_signals = _outputs(mech, outputs, kinds)
 
     def start_of(other: Mechanism) -> Array:
-        begun = Simulator(other, record=False, backend="native", **settings)
-        return np.concatenate([begun.mode, begun.q, begun.v, begun.s])
+        begin = Simulator(other, record=False, backend="native", **settings)
+        return np.concatenate([begin.mode, begin.q, begin.v, begin.s])
 
     varied = _checked_names("parameter", parameters, None)
     effects = parameter_effects(simulator.inputs, varied, system.native, start_of)
@@ -145,15 +145,15 @@ def export(
     data["inputs"] = [
         {"value": x.setting.value, "linear": x.hold == "first", "by_rate": name in by_rate} for name, x in cells.items()
     ]
-    data["outputs"] = plain_json([output_data(mech, name, x) for name, x in named.items()])
+    data["outputs"] = plain_json([output_data(mech, name, x) for name, x in output_signals.items()])
     data["parameters"] = [x.core_data() for x in effects.values()]
     dependent, indeterminate = _indeterminate_rows(simulator, system.mode)
     data |= {"states": states, "dependent": dependent, "indeterminate": sorted(indeterminate)}
     token = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
-    variables = _variables(mech, cells, chosen, effects, named, states)
+    variables = _variables(mech, cells, chosen, effects, output_signals, states)
     variables += event_indicators(1 + variables[-1].reference, count_indicators(data) if "me" in kinds else 0)
     _require_unique_names(variables)
-    differentiable = all(x.kind in DIFFERENTIABLE and not indeterminate & {*x.rows} for x in named.values())
+    differentiable = all(x.kind in DIFFERENTIABLE and not indeterminate & {*x.rows} for x in output_signals.values())
     differentiable &= not system.closure_friction
     description = FmuDescription(
         mech.title,
@@ -168,7 +168,7 @@ def export(
         versions()["mbdae"],
     )
     _write(path, description, json.dumps({"token": token, **data}), runtime, picture(mech), code)
-    return ExportedUnit(path, kinds, tuple(chosen), tuple(named), tuple(effects), states, path.stat().st_size)
+    return ExportedUnit(path, kinds, tuple(chosen), tuple(output_signals), tuple(effects), states, path.stat().st_size)
 
 
 def _checked_kinds(kind: Sequence[str]) -> tuple[str, ...]:
@@ -184,13 +184,13 @@ def _checked_path(path: str | Path) -> Path:
     return Path(path)
 
 
-def _checked_names(what: str, names: Any, known: Mapping[str, object] | None) -> list[str]:
-    found = as_list(names, f"{what}s are a list of names")
-    for name in found:
-        require(name, str, f"{what}s are a list of names")
+def _checked_names(kind: str, names: Any, known: Mapping[str, object] | None) -> list[str]:
+    listed = as_list(names, f"{kind}s are a list of names")
+    for name in listed:
+        require(name, str, f"{kind}s are a list of names")
         if known is not None and name not in known:
-            raise UnknownNameError(what, name, known)
-    return list(dict.fromkeys(found))
+            raise UnknownNameError(kind, name, known)
+    return list(dict.fromkeys(listed))
 
 
 def _runtime() -> bytes:
@@ -217,7 +217,7 @@ def _states(mech: Mechanism, kinds: Sequence[str]) -> int:
     """Return the largest number of continuous states of all modes; 0 without model exchange.
 
     Raises:
-        InputError: for a mechanism that is no ordinary differential equation within a mode.
+        InputError: for a mechanism that has no ordinary differential equation in some mode.
     """
     return max_coordinates(mech) if "me" in kinds else 0
 
@@ -227,7 +227,7 @@ def _variables(
     cells: Mapping[str, Any],
     chosen: Sequence[str],
     effects: Mapping[str, ParameterEffects],
-    named: Mapping[str, SignalValue],
+    output_signals: Mapping[str, SignalValue],
     states: int,
 ) -> list[Variable]:
     """Return all variables; value references follow the order of `mbdae/native/runtime/fmu_instance.hpp`."""
@@ -238,9 +238,9 @@ def _variables(
     first = 1 + len(cells)
     out += [Variable(first + i, name, "parameter", "", x.value) for i, (name, x) in enumerate(effects.items())]
     first += len(effects)
-    for i, (name, x) in enumerate(named.items()):
-        out.append(Variable(first + i, name, "output", known[name], by_states=x.kind in STATE_SIGNALS))
-    first += len(named)
+    for i, (name, x) in enumerate(output_signals.items()):
+        out.append(Variable(first + i, name, "output", known[name], depends_on_states_only=x.kind in STATE_SIGNALS))
+    first += len(output_signals)
     coordinate = "local coordinate of the constraint manifold: its origin moves at events"
     out += [Variable(first + i, f"local[{i + 1}]", "local", description=coordinate) for i in range(states)]
     out += [Variable(first + states + i, f"der(local[{i + 1}])", "local", derivative=first + i) for i in range(states)]
@@ -248,7 +248,7 @@ def _variables(
 
 
 def _require_unique_names(variables: Sequence[Variable]) -> None:
-    """Require different names of variables, as FMI does; users choose those of inputs.
+    """Require unique names of variables, as FMI does: users choose the names of inputs.
 
     Raises:
         InputError: if two variables have the same name.
@@ -263,14 +263,14 @@ def _indeterminate_rows(simulator: Simulator, mode: tuple[int, ...]) -> tuple[in
     """Return the number of dependent rows at the start, and the rows whose multipliers are not unique."""
     with simulator.mechanism.workspaces.borrowed() as system:
         system.enter(mode)
-        free = ModePoint(system, AllRows(system), simulator.start, simulator._run.ys[-1]).null_multipliers
-    share = (free * free).sum(axis=1)  # 1 of a row without an effect, such as the out-of-plane row of a planar loop
-    return free.shape[1], {*np.flatnonzero((share > AGREEMENT) & (share < 1 - AGREEMENT)).tolist()}
+        null = ModePoint(system, AllRows(system), simulator.start, simulator._run.ys[-1]).null_multipliers
+    leverage = (null * null).sum(axis=1)  # 1 for a row without effect, such as the out-of-plane row of a planar loop
+    return null.shape[1], {*np.flatnonzero((leverage > AGREEMENT) & (leverage < 1 - AGREEMENT)).tolist()}
 
 
 def _identifier(path: Path) -> str:
-    found = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
-    return found if found[:1].isalpha() or found[:1] == "_" else f"_{found}"
+    name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
+    return name if name[:1].isalpha() or name[:1] == "_" else f"_{name}"
 
 
 def _write(
@@ -283,7 +283,7 @@ def _write(
     with atomic_write(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as file:
         file.writestr("modelDescription.xml", description.xml())
         file.writestr("documentation/index.html", description.page(DIAGRAM if image else ""))
-        for name in (f"documentation/{DIAGRAM}", "model.png") if image else ():  # by the standard; of FMPy and others
+        for name in (f"documentation/{DIAGRAM}", "model.png") if image else ():  # names of the standard and of FMPy
             file.writestr(name, image)
         file.writestr("resources/mechanism.json", data)
         file.writestr(f"binaries/{machine}-{system}/{description.identifier}{suffix}", runtime)

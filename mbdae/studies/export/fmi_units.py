@@ -25,11 +25,11 @@ def base_exponents(unit: str) -> dict[str, int] | None:
     out: dict[str, int] = {}
     for k, product in enumerate(unit.split("/")):
         for factor in re.split(r"[ *]+", product.strip()):
-            found = re.fullmatch(r"([A-Za-z1]+)(?:\^?(-?\d+))?", factor)
-            name = found[1] if found else ""
-            if not found or name not in (*BASE, *DERIVED):
+            match = re.fullmatch(r"([A-Za-z1]+)(?:\^?(-?\d+))?", factor)
+            name = match[1] if match else ""
+            if not match or name not in (*BASE, *DERIVED):
                 return None
-            sign = int(found[2] or 1) * (-1 if k else 1)
+            sign = int(match[2] or 1) * (-1 if k else 1)
             for base, power in DERIVED.get(name, {name: 1}).items():
                 out[base] = out.get(base, 0) + sign * power
     return {base: power for base, power in out.items() if power}

@@ -15,15 +15,15 @@ class Variable(NamedTuple):
     """A variable of an FMU.
 
     Attributes:
-        reference: its value reference.
-        name: its name.
+        reference: value reference.
+        name: name of the variable.
         causality: ``"independent"``, ``"input"``, ``"parameter"``, ``"output"`` or ``"local"``.
         unit: empty for none.
         start: start value of inputs, parameters and states; None for others.
-        derivative: of a derivative: the value reference of the state.
-        by_states: of an output: whether it depends on states alone, not on inputs.
+        derivative: for a state derivative: value reference of the state.
+        depends_on_states_only: for an output: whether it depends on states alone, not on inputs.
         is_indicator: whether it is an event indicator.
-        description: one line.
+        description: description in one line.
     """
 
     reference: int
@@ -32,25 +32,25 @@ class Variable(NamedTuple):
     unit: str = ""
     start: float | None = None
     derivative: int | None = None
-    by_states: bool = False
+    depends_on_states_only: bool = False
     description: str = ""
     is_indicator: bool = False
 
 
 class FmuDescription(NamedTuple):
-    """An FMU.
+    """Data of a modelDescription.xml.
 
     Attributes:
-        name: of the model.
+        name: name of the model.
         identifier: file name of its library.
         token: instantiation token, a digest of its data.
         kinds: ``"cs"``, ``"me"``.
-        variables: by value reference, without gaps of kinds that it has.
+        variables: variables in the order of their value references.
         differentiable: whether all outputs have derivatives.
         step: communication step in s.
         start: start time in s.
         stop: end time in s.
-        version: of mbdae.
+        version: version of mbdae.
     """
 
     name: str
@@ -85,7 +85,7 @@ class FmuDescription(NamedTuple):
         return document
 
     def page(self, diagram: str) -> str:
-        """Return a page of documentation: the file of a picture, if any, the variables, and how it was made."""
+        """Return the documentation page: the picture file ``diagram``, if any, the variables, and the exporter."""
         rows = [
             f"<tr><td>{escape(x.name)}</td><td>{x.causality}</td><td>{escape(x.unit)}</td></tr>"
             for x in self.variables
@@ -99,49 +99,50 @@ class FmuDescription(NamedTuple):
         return f"{head}\n<h1>{escape(self.name)}</h1>\n<p>{text}</p>\n{image}{table}\n</html>\n"
 
     def _interface(self, root: Element, kind: str) -> None:
-        able = ["canGetAndSetFMUState", "canSerializeFMUState"]
+        flags = ["canGetAndSetFMUState", "canSerializeFMUState"]
         if kind == "me":
-            able.append("needsCompletedIntegratorStep")  # where local coordinates end
-            able += ["providesDirectionalDerivatives", "providesAdjointDerivatives"] if self.differentiable else []
+            flags.append("needsCompletedIntegratorStep")  # to restart local coordinates
+            flags += ["providesDirectionalDerivatives", "providesAdjointDerivatives"] if self.differentiable else []
         else:
-            able += [
+            flags += [
                 "canHandleVariableCommunicationStepSize",
                 "providesIntermediateUpdate",
                 "canReturnEarlyAfterIntermediateUpdate",
                 "hasEventMode",
             ]
-        ElementTree.SubElement(root, KINDS[kind], {"modelIdentifier": self.identifier} | dict.fromkeys(able, "true"))
+        ElementTree.SubElement(root, KINDS[kind], {"modelIdentifier": self.identifier} | dict.fromkeys(flags, "true"))
 
     def _units(self, root: Element) -> None:
         used = sorted({x.unit for x in self.variables if x.unit})
         if used:
             definitions = ElementTree.SubElement(root, "UnitDefinitions")
         for unit in used:
-            one = ElementTree.SubElement(definitions, "Unit", name=unit)
+            element = ElementTree.SubElement(definitions, "Unit", name=unit)
             if (exponents := base_exponents(unit)) is not None:
-                ElementTree.SubElement(one, "BaseUnit", {name: str(x) for name, x in exponents.items()})
+                ElementTree.SubElement(element, "BaseUnit", {name: str(x) for name, x in exponents.items()})
 
     def _variables(self, parent: Element) -> None:
         for x in self.variables:
-            found = {"name": x.name, "valueReference": str(x.reference), "causality": x.causality}
-            found |= {"description": x.description} if x.description else {}
-            found |= {"variability": "fixed"} if x.causality == "parameter" else {}
-            found |= {"unit": x.unit} if x.unit else {}
+            attributes = {"name": x.name, "valueReference": str(x.reference), "causality": x.causality}
+            attributes |= {"description": x.description} if x.description else {}
+            attributes |= {"variability": "fixed"} if x.causality == "parameter" else {}
+            attributes |= {"unit": x.unit} if x.unit else {}
             exact = "exact" if x.causality in ("parameter", "input") else ""
-            found |= {"initial": "exact"} if exact and x.causality == "parameter" else {}
-            found |= {"start": _number(x.start)} if x.start is not None else {}
-            found |= {"derivative": str(x.derivative)} if x.derivative is not None else {}
-            ElementTree.SubElement(parent, "Float64", found)
+            attributes |= {"initial": "exact"} if exact and x.causality == "parameter" else {}
+            attributes |= {"start": _number(x.start)} if x.start is not None else {}
+            attributes |= {"derivative": str(x.derivative)} if x.derivative is not None else {}
+            ElementTree.SubElement(parent, "Float64", attributes)
 
-    def _of(self, causality: str) -> list[Variable]:
+    def _with_causality(self, causality: str) -> list[Variable]:
         return [x for x in self.variables if x.causality == causality]
 
     def _structure(self, parent: Element) -> None:
-        inputs, parameters = ([x.reference for x in self._of(kind)] for kind in ("input", "parameter"))
-        outputs, rates = self._of("output"), [x for x in self.variables if x.derivative is not None]
+        inputs, parameters = ([x.reference for x in self._with_causality(kind)] for kind in ("input", "parameter"))
+        outputs, rates = self._with_causality("output"), [x for x in self.variables if x.derivative is not None]
         states, given = [x.derivative for x in rates if x.derivative is not None], [*inputs, *parameters]
         for x in outputs:
-            ElementTree.SubElement(parent, "Output", _dependencies(x, states if x.by_states else [*inputs, *states]))
+            known = states if x.depends_on_states_only else [*inputs, *states]
+            ElementTree.SubElement(parent, "Output", _dependencies(x, known))
         for x in rates:
             ElementTree.SubElement(parent, "ContinuousStateDerivative", _dependencies(x, [*inputs, *states]))
         for x in (*outputs, *(y for y in self.variables if y.reference in states), *rates):
@@ -152,16 +153,16 @@ class FmuDescription(NamedTuple):
 
 
 def event_indicators(first: int, n: int) -> list[Variable]:
-    """Return the event indicators from a value reference on: guards of contacts, clutches and joints that stick."""
-    text = "guard of the mode, positive as long as it lasts"
+    """Return n event indicators with value references from ``first``: guards of contacts, clutches, sticking joints."""
+    text = "guard of the current mode, positive while the mode lasts"
     return [Variable(first + i, f"guard[{i + 1}]", "local", description=text, is_indicator=True) for i in range(n)]
 
 
 def _number(x: float) -> str:
-    """Return a number as text; it may be a scalar of numpy, whose repr is no number."""
+    """Return a number as text; the repr of a numpy scalar is not a number."""
     return repr(float(x))
 
 
 def _dependencies(x: Variable, known: Sequence[int]) -> dict[str, str]:
-    """Return the attributes of an unknown, with all that it depends on."""
+    """Return the attributes of an unknown: its value reference and those of its dependencies."""
     return {"valueReference": str(x.reference), "dependencies": " ".join(map(str, sorted(known)))}

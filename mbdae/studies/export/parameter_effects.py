@@ -1,4 +1,4 @@
-"""How the data of a mechanism depend on its parameters: a number of the data is linear in each of them, or constant."""
+"""Linear dependence of the exported data of a mechanism on its parameters."""
 
 from collections.abc import Callable, Mapping, Sequence
 from types import ModuleType
@@ -15,19 +15,19 @@ from ...system import Array
 from ...tolerances import SAME_STATE, SOLUTION_ROUNDING
 from .core_file import core_data, native_system, numbers_of
 
-STEPS = (0.25, 0.5)  # fractions of a parameter, or of 1: where linear dependence is verified
-KEPT = ("tolerances", "order", "probe")  # parts of the data that follow the mechanism as it was exported
+STEPS = (0.25, 0.5)  # changes that verify linear dependence, as fractions of the parameter, or of 1 if it is 0
+CONSTANT = ("tolerances", "order", "probe")  # data that keep their values when parameters change
 
 Path = tuple[str, ...]
 Numbers = dict[Path, object]
 
 
 class ParameterEffects(NamedTuple):
-    """A parameter.
+    """A parameter and its effects on the exported data.
 
     Attributes:
-        value: its value.
-        effects: derivatives of numbers of the data, by their paths.
+        value: value of the parameter.
+        effects: derivatives of the data with respect to the parameter, by their paths.
     """
 
     value: float
@@ -44,15 +44,15 @@ def parameter_effects(
     """Return the parameters of these dotted names.
 
     Args:
-        inputs: of the mechanism.
-        names: of the parameters.
+        inputs: inputs of the mechanism.
+        names: names of the parameters.
         native: the compiled core.
-        start_of: returns the mode and the point at which a simulation begins, which the data keep.
+        start_of: returns the mode and the point at which a simulation begins, which must not depend on the parameters.
 
     Raises:
         UnknownNameError: for an unknown name.
-        InputError: for parameters on which the data do not depend linearly, each alone and all together, or on which
-            the start depends.
+        InputError: for parameters on which the data do not depend linearly, singly or jointly, or on which the start
+            depends.
     """
     if not names:
         return {}
@@ -62,39 +62,39 @@ def parameter_effects(
     def data(changed: Mapping[str, float]) -> Numbers:
         made = inputs.replaced(inputs.user_inputs, template.make({**values, **changed}))
         found = numbers_of(core_data(native_system(made, native)))
-        return {path: x for path, x in found.items() if not any(part in KEPT for part in path[:2])}
+        return {path: x for path, x in found.items() if not any(key in CONSTANT for key in path[:2])}
 
     start, out, shifts, begin = data({}), {}, {}, start_of(inputs.original)
     for name, value in values.items():
         first, second = (step * (abs(value) or 1.0) for step in STEPS)
-        near, far = data({name: value + first}), data({name: value + second})
-        by = _effects_of(name, start, near, first)
-        _require_linear(name, start, far, {path: second * x for path, x in by.items()})
-        other = start_of(template.make({**values, name: value + first}))
-        if np.abs(other - begin).max() > SAME_STATE * (1 + np.abs(begin).max()):
+        changed, check = data({name: value + first}), data({name: value + second})
+        effects = _effects_of(name, start, changed, first)
+        _require_linear(name, start, check, {path: second * x for path, x in effects.items()})
+        changed_begin = start_of(template.make({**values, name: value + first}))
+        if np.abs(changed_begin - begin).max() > SAME_STATE * (1 + np.abs(begin).max()):
             text = f"parameter {name!r} changes the start, by assembly or an impact: it cannot be exported"
             raise InputError(text)
-        out[name], shifts[name] = ParameterEffects(value, by), first
+        out[name], shifts[name] = ParameterEffects(value, effects), first
     if len(names) > 1:
         total: dict[Path, float] = {}
-        for name, found in out.items():
-            for path, x in found.effects.items():
+        for name, parameter in out.items():
+            for path, x in parameter.effects.items():
                 total[path] = total.get(path, 0.0) + shifts[name] * x
         _require_linear(", ".join(names), start, data({n: values[n] + d for n, d in shifts.items()}), total)
     return out
 
 
-def _effects_of(name: str, start: Numbers, near: Numbers, change: float) -> dict[Path, float]:
+def _effects_of(name: str, start: Numbers, changed: Numbers, change: float) -> dict[Path, float]:
     """Return derivatives of the numbers that change.
 
     Raises:
-        InputError: if something else changes.
+        InputError: if keys, or values that are not numbers, change.
     """
-    if start.keys() != near.keys():
+    if start.keys() != changed.keys():
         raise InputError(f"parameter {name!r} changes the structure of the mechanism: it cannot be exported")
     out = {}
     for path, x in start.items():
-        y = near[path]
+        y = changed[path]
         if x == y:
             continue
         if not (isinstance(x, int | float) and isinstance(y, int | float)):
@@ -103,11 +103,11 @@ def _effects_of(name: str, start: Numbers, near: Numbers, change: float) -> dict
     return out
 
 
-def _require_linear(name: str, start: Numbers, found: Numbers, changes: Mapping[Path, float]) -> None:
+def _require_linear(name: str, start: Numbers, changed: Numbers, changes: Mapping[Path, float]) -> None:
     for path, x in start.items():
         if not isinstance(x, int | float) or isinstance(x, bool):
             continue
-        y, expected = float(found[path]), x + changes.get(path, 0.0)  # type: ignore[arg-type]
+        y, expected = float(changed[path]), x + changes.get(path, 0.0)  # type: ignore[arg-type]
         size = max(abs(x), abs(y), abs(changes.get(path, 0.0)))
         if not np.isclose(y, expected, rtol=0.0, atol=SOLUTION_ROUNDING * size):
             raise InputError(f"the mechanism does not depend linearly on parameter {name}: it cannot be exported")

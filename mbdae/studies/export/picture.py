@@ -6,11 +6,11 @@ from ...mechanism import Mechanism
 from ..figures import png
 from ..replay.figure import posture
 
-STEPS = 300  # steps of the motion that chooses the view
+STEPS = 300  # maximum number of steps of the motion that determines the view
 
 
 def picture(mech: Mechanism) -> bytes:
-    """Return a picture of a mechanism at its start, a PNG; empty for one that cannot move from there."""
+    """Return a picture of a mechanism at its start, as PNG; empty if it cannot move from its start."""
     try:
         return png(posture(solve(mech, (0.0, mech.duration), max_steps=STEPS)))
     except MbdaeError:

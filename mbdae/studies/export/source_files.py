@@ -1,4 +1,4 @@
-"""Sources of the runtime for FMUs that are compiled where they are used (FMI 3.0, buildDescription.xml)."""
+"""Sources of the runtime, for FMUs that are compiled on the target platform (FMI 3.0, buildDescription.xml)."""
 
 import zipfile
 from pathlib import Path
@@ -8,8 +8,8 @@ from ... import backend
 from ...errors import InputError
 
 ARCHIVE = "_native_fmi3_sources.zip"  # written when the core is built: mbdae/native/runtime/pack_sources.py
-COMPILED = "compiled.txt"  # in it: the files to compile
-# As of the runtime, so that both compute the same to the last bit.
+COMPILED = "compiled.txt"  # file in the archive that lists the files to compile
+# The options with which the runtime is built, so that results agree to the last bit.
 OPTIONS = "-std=c++17 -O3 -fvisibility=hidden"
 DEFINITIONS = {"NDEBUG": "", "EIGEN_MAX_ALIGN_BYTES": "16", "EIGEN_MALLOC_ALREADY_ALIGNED": "1"}
 

@@ -23,8 +23,8 @@ DATA = (
 PAGE = output_file("--html", suffixes=PAGES, help="Write one page: signals, residuals, values.")
 
 
-def _exit_code(found: "Fit") -> int:
-    return FAILED if found.refuted or not found.converged else UNDECIDED if found.unidentifiable else HOLDS
+def _exit_code(result: "Fit") -> int:
+    return FAILED if result.refuted or not result.converged else UNDECIDED if result.unidentifiable else HOLDS
 
 
 @study_command(

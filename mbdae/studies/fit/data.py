@@ -12,17 +12,17 @@ from ..data_files import read_columns
 from ..sensitivity.cost import real
 
 TIME = "t"
-LARGEST_VALUE = 1e150  # whose square is finite
+LARGEST_VALUE = 1e150  # the square of which is finite
 
 
 class Recording(NamedTuple):
     """Measurements of one run.
 
     Attributes:
-        name: file or index, for messages.
+        name: name of the file or index of the table, for messages.
         t: times in s, strictly increasing, (n,).
         columns: signals at these times, (n,) each, nan for missing values.
-        units: of columns, and of t, that have one in the heading of a file.
+        units: units of columns and of t, if the heading of a file has them.
     """
 
     name: str

@@ -20,10 +20,10 @@ def compared(fit: Fit) -> "Figure":
     figure = empty_figure(WIDTH, HEIGHT * len(panels) + 0.3)
     axes = figure.subplots(len(panels), 2, squeeze=False, width_ratios=(2, 1))
     for (left, right), (i, name) in zip(axes, panels, strict=True):
-        (t, time), of = displayed(fit.times[i], "s"), fit.units.get(name, "")
-        measured, unit = displayed(fit.measured[i][name], of)
+        (t, time), si_unit = displayed(fit.times[i], "s"), fit.units.get(name, "")
+        measured, unit = displayed(fit.measured[i][name], si_unit)
         left.plot(t, measured, ".", color=COLOURS[1], markersize=3, label="measured")
-        left.plot(t, displayed(fit.computed[i][name], of)[0], color=COLOURS[0], label="computed")
+        left.plot(t, displayed(fit.computed[i][name], si_unit)[0], color=COLOURS[0], label="computed")
         source = f", {Path(fit.names[i]).name}" if len(fit.names) > 1 else ""
         left.set_ylabel(escaped(f"{name}{source} ({unit})" if unit else name + source))
         left.set_xlabel(f"$t$ ({time})")

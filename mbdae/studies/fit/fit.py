@@ -3,8 +3,8 @@
     minimize  sum_k r_k^2,   r_k = (signal(t_k; p) - data_k) / sigma,   low <= p <= high
 
 by a trust region with bounds (Branch, Coleman, Li, SIAM J. Sci. Comput. 21 (1999)), with the Jacobian of
-`mbdae.sensitivity`. Over long spans the sum has false minima at motions that are shifted by whole periods. Therefore
-the first samples are fitted first, then more of them.
+`mbdae.sensitivity`. Over long spans the sum has local minima at motions that are shifted by whole periods. Therefore
+the first samples are fitted first, then increasing fractions of them.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -69,21 +69,21 @@ def fit(
 
     Args:
         model: argument of `mbdae.load`, a mechanism that was loaded, or a function that returns one.
-        parameters: dotted names, as of sweeps, with (low, high) or (start, low, high); without a start the search
+        parameters: dotted names, as in sweeps, with (low, high) or (start, low, high); without a start the search
             begins at the model's value if it lies between the bounds, else in the middle.
         data: a table ``{"t": ..., "q.slider": ...}`` with columns named as the signals of `mbdae.Solution.signals`, a
             CSV or Parquet file, or a list of them: several runs with the same parameters.
         signals: columns to use; all when left out.
-        sigma: noise level of all signals, or by name, in their units. Without, all signals have the weight 1, standard
-            deviations follow from the residuals of each signal, and the fit cannot be refuted. Then 1 rad counts as
-            much as 1 rad/s or 1 m: signals of several units need noise levels, or the noisiest ones decide.
+        sigma: noise level of all signals, or by name, in their units. Without it, all signals have the weight 1,
+            standard deviations follow from the residuals of each signal, and the fit cannot be refuted. Then 1 rad
+            counts as much as 1 rad/s or 1 m: signals of several units need noise levels, or the noisiest dominate.
         scales: typical changes of the parameters; a tenth of the range when left out.
-        t_span: start of the runs, 0 when left out, and the latest time of data, the last of them when left out.
+        t_span: start of the runs, by default 0, and latest time of data that are used, by default the last.
         spans: fractions of the samples that are fitted successively; ``(1,)`` for all at once.
         known: other parameters of each run, for instance start values: a table for each, or one for all.
-        starts: searches, from starts within the bounds. The first is from the given start; others are logarithmic
-            if the bounds are positive. The best is returned, the others are in its ``searches``.
-        seed: of the other starts.
+        starts: number of searches. The first begins at the given start, the next at random points within the bounds,
+            on a logarithmic scale if the bounds are positive. The best is returned, with all in its ``searches``.
+        seed: seed of the random starts.
         progress: called with a description of the current task.
         settings: arguments of `mbdae.solve`: method, rtol, step, ...
 
@@ -124,7 +124,7 @@ def _check_names(parameters: object, settings: Mapping[str, object]) -> None:
     for name in ("t_eval", "events"):
         if name in settings:
             raise InputError(f"a fit takes no {name}: the times of the data are those of its runs")
-    check_settings(settings, others=("problem", "t_span", "t_eval", "events", "progress"))
+    check_settings(settings, excluded=("problem", "t_span", "t_eval", "events", "progress"))
 
 
 def _check_starts(starts: object, seed: object) -> None:
@@ -176,7 +176,7 @@ class _Search:
 
     @np.errstate(over="ignore", invalid="ignore")  # overflow of diverging runs, which fail with a message
     def attempt(self, start: Array, label: str) -> Attempt:
-        """Search from a start.
+        """Run one search from a start.
 
         Raises:
             MbdaeError: if a run fails at a starting point.
@@ -192,16 +192,16 @@ class _Search:
                 ftol=tolerance, xtol=tolerance, gtol=tolerance,
             )  # fmt: skip
             x, message, converged, r = result.x, result.message, result.status > 0, result.fun
-            if problem.rejected and _could_fall(result.fun, result.jac[:, result.active_mask == 0]):
+            if problem.rejected and _is_reducible(result.fun, result.jac[:, result.active_mask == 0]):
                 converged, message = False, f"steps became short by rejected trials: {problem.rejected[-1]}"
         initial, final = (dict(zip(problem.names, y.tolist(), strict=True)) for y in (start, x))
         return Attempt(initial, final, float(r @ r), converged, message)
 
     def _differentiable_start(self, x: Array, start: Array) -> Array:
-        """Return the end x of the search over fewer samples, or the start if the longer runs have no derivative there.
+        """Return the result x of the search over fewer samples, or the start if longer runs have no derivative at x.
 
         Raises:
-            MbdaeError: if they have none at the start either.
+            MbdaeError: if the runs have no derivative at the start either.
         """
         self.problem.rejected = []
         try:
@@ -212,10 +212,10 @@ class _Search:
         return x
 
 
-def _could_fall(r: Array, J: Array) -> bool:
+def _is_reducible(r: Array, J: Array) -> bool:
     """Return whether a Gauss-Newton step would visibly reduce |r|^2 of r (n,) with derivatives J (n, m)."""
-    fall = J @ np.linalg.lstsq(J, r, rcond=None)[0]
-    return bool(fall @ fall > VISIBLE * (r @ r))
+    reduction = J @ np.linalg.lstsq(J, r, rcond=None)[0]
+    return bool(reduction @ reduction > VISIBLE * (r @ r))
 
 
 def _unknown(make: MechanismFactory, name: str, given: object) -> Unknown:
@@ -257,8 +257,8 @@ def _result(search: _Search, attempts: list[Attempt]) -> Fit:
     r, J, names = problem.residuals(x), problem.jacobian(x) * scale, problem.names
     chi2, dof = float(r @ r), len(r) - len(x)
     found = precision(J, names, scale, high - low, r, None if problem.noise_known else problem.signals())
-    near = SEARCH_TOLERANCE * (high - low) + INPUT_DIGITS * scale
-    at_bounds = list(members(names, (x - low < near) | (high - x < near)))
+    tolerance = SEARCH_TOLERANCE * (high - low) + INPUT_DIGITS * scale
+    at_bounds = list(members(names, (x - low < tolerance) | (high - x < tolerance)))
     sols = problem.simulate(x)
     runs = list(zip(sols, problem.recordings, strict=True))
     computed = [{name: computed_signals(sol, [name])[name] for name in record.columns} for sol, record in runs]

@@ -22,7 +22,7 @@ from ..sensitivity.run_parameters import VaryingParameters
 from ..sensitivity.sensitivity import trajectory_sensitivity
 from .data import Recording
 
-VALUES_PER_PARAMETER = 3  # fewest measured values of a span
+VALUES_PER_PARAMETER = 3  # minimum number of measured values in a span
 
 
 class FitResiduals:
@@ -40,7 +40,7 @@ class FitResiduals:
     ) -> None:
         self.make, self.names, self.recordings, self.known = make, names, recordings, known
         self.noise_known, self.fraction, self.runs, self.gradients = sigma is not None, 1.0, 0, 0
-        self.settings, self.parameters = settings, [VaryingParameters(_WithFixed(make, table)) for table in known]
+        self.settings, self.parameters = settings, [VaryingParameters(_FixedParameters(make, table)) for table in known]
         latest = max(float(r.t[-1]) for r in recordings)
         start, end = checked_span((0.0, latest) if t_span is None else t_span, may_be_empty=True)
         self.start = start
@@ -51,7 +51,7 @@ class FitResiduals:
         self.sigma = _noise_levels(sigma, [name for r in recordings for name in r.columns])
         self._cached: tuple[tuple[tuple[float, ...], float] | None, list[Solution]] = (None, [])
         self._size, self._derivatives = 0, dict[tuple[tuple[float, ...], float], Array]()
-        self.rejected, self.all_rejected = list[str](), list[str]()  # reasons of trials of a search, and of all
+        self.rejected, self.all_rejected = list[str](), list[str]()  # of the current search, and of all
 
     def span_fractions(self, spans: Sequence[float], k: int) -> list[float]:
         """Return the fractions within which each run has enough measured values for k parameters, then 1 for all."""
@@ -61,7 +61,7 @@ class FitResiduals:
         return [*(s for s in sorted(set(spans)) if s < 1 and self._count_values(s) >= fewest), 1.0]
 
     def _count_values(self, fraction: float) -> int:
-        """Return the smallest number of measured values of a run after its start, where few parameters matter."""
+        """Return the smallest number of measured values of a run, without those at its start (of few parameters)."""
         counts = []
         for r in self.recordings:
             n = _sample_count(r, fraction)
@@ -87,8 +87,8 @@ class FitResiduals:
                 run = times[-1] > self.start
                 sol = uninterrupted(solve(mech, span, t_eval=times, **self.settings)) if run else None
                 if sol is None or not sol.ended:
-                    why = f"with {values_text(values)}, {sol.message}" if sol else "no time passes"
-                    raise InputError(f"{record.name}: {why}")
+                    reason = f"with {values_text(values)}, {sol.message}" if sol else "no time passes"
+                    raise InputError(f"{record.name}: {reason}")
                 self.runs += 1
                 out.append(sol)
             self._cached = key, out
@@ -98,8 +98,8 @@ class FitResiduals:
         """Return (signal - data)/sigma of all measured values; inf if a run fails or has no derivative."""
         try:
             runs = self.simulate(x)
-            parts = [self.run_residuals(record, computed_signals(sol, record.columns), len(sol.t))
-                     for record, sol in zip(self.recordings, runs, strict=True)]  # fmt: skip
+            blocks = [self.run_residuals(record, computed_signals(sol, record.columns), len(sol.t))
+                      for record, sol in zip(self.recordings, runs, strict=True)]  # fmt: skip
             if any(has_jumps(sol) for sol in runs):
                 self.jacobian(x)
         except MbdaeError as e:
@@ -108,14 +108,13 @@ class FitResiduals:
             self.rejected.append(str(e))
             self.all_rejected.append(str(e))
             return np.full(self._size, np.inf)
-        out = np.concatenate(parts)
+        out = np.concatenate(blocks)
         self._size = len(out)
         return out
 
     def run_residuals(self, record: Recording, computed: Mapping[str, Array], n: int) -> Array:
         """Return residuals of one run at its first n times, signals concatenated, without missing values."""
-        parts = [(computed[name] - data[:n]) / self.sigma[name] for name, data in record.columns.items()]
-        out = np.concatenate(parts)
+        out = np.concatenate([(computed[name] - data[:n]) / self.sigma[name] for name, data in record.columns.items()])
         return out[~np.isnan(np.concatenate([data[:n] for data in record.columns.values()]))]
 
     def signals(self) -> Array:
@@ -153,14 +152,14 @@ def _sample_count(record: Recording, fraction: float) -> int:
     return max(1, round(fraction * len(record.t)))
 
 
-class _WithFixed:
+class _FixedParameters:
     """Mechanism factory with some parameters fixed."""
 
     def __init__(self, make: MechanismFactory, known: Mapping[str, float]) -> None:
         self.base, self.known = make, known
 
     def make(self, values: Mapping[str, object]) -> Mechanism:
-        """Return the mechanism with these values and the fixed ones."""
+        """Return the mechanism with these values and the fixed parameters."""
         return self.base.make({**self.known, **values})
 
 
@@ -168,8 +167,8 @@ def _noise_levels(sigma: float | Mapping[str, float] | None, names: list[str]) -
     """Return the noise levels of the measured signals.
 
     Raises:
-        InputError: for one that is missing or not positive.
-        UnknownNameError: for one of another signal.
+        InputError: for a level that is missing or not positive.
+        UnknownNameError: for a level of a signal that was not measured.
     """
     levels = sigma if isinstance(sigma, Mapping) else dict.fromkeys(names, 1.0 if sigma is None else sigma)
     for name in names:

@@ -9,8 +9,8 @@ from ...system import Array
 from ...tolerances import RANK
 from .result import MAX_CORRELATION
 
-NULL_COMPONENT = 0.1  # fraction of a null vector: parameters with larger ones are in the unidentifiable combination
-DETERMINED = 1e-2  # fraction of the range between the bounds: parameters with smaller deviations are identified singly
+NULL_COMPONENT = 0.1  # components of a unit null vector above it form the unidentifiable combination
+DETERMINED = 1e-2  # standard deviation over the range between the bounds, below which a parameter is identified singly
 
 
 class Precision(NamedTuple):
@@ -28,18 +28,18 @@ def precision(
     """Return the precision of parameters from the residuals and their Jacobian.
 
     Args:
-        J: (n, k) by parameters in their scales.
-        names: of the parameters.
-        scale: of the parameters, (k,).
-        widths: of their ranges between the bounds, (k,).
+        J: Jacobian with respect to the scaled parameters, (n, k).
+        names: names of the parameters.
+        scale: scales of the parameters, (k,).
+        widths: ranges between the bounds, (k,).
         r: residuals, (n,).
         signals: index of the signal of each residual, (n,), if each signal has its own unknown variance; None if all
             variances are 1.
     """
-    U, sizes, V = np.linalg.svd(J, full_matrices=False)
-    determined = sizes > RANK * sizes.max(initial=0.0)
+    U, singular_values, V = np.linalg.svd(J, full_matrices=False)
+    determined = singular_values > RANK * singular_values.max(initial=0.0)
     null = V[~determined] if len(V) == len(names) else np.eye(len(names))
-    U, inverse = U[:, determined], V[determined].T / sizes[determined]
+    U, inverse = U[:, determined], V[determined].T / singular_values[determined]
     variances = np.ones(len(r)) if signals is None else _variances(r, signals, (U * U).sum(1), len(names))
     covariance = inverse @ (U.T * variances) @ U @ inverse.T * np.outer(scale, scale)
     combinations = [np.abs(row) > NULL_COMPONENT for row in null]
@@ -59,7 +59,7 @@ def precision(
 def _variances(r: Array, signals: Array, leverages: Array, k: int) -> Array:
     """Return the variances of residuals (n,), one for each signal: its sum of squares over its degrees of freedom.
 
-    A signal with less than one has that of all; without any, variances are 1.
+    A signal with less than one degree of freedom has the variance of all signals; without any, variances are 1.
     """
     squares, dof = np.bincount(signals, r * r), np.bincount(signals, 1.0 - leverages)
     mean = squares.sum() / (len(r) - k) if len(r) > k else 1.0

@@ -22,7 +22,7 @@ MAX_CORRELATION = 0.999  # correlation above which only a combination of two par
 
 
 class Attempt(NamedTuple):
-    """A search of a fit: its start, its end (empty if it failed), and its message."""
+    """A search of a fit: its start, its final values (empty if it failed), and its message."""
 
     start: dict[str, float]
     values: dict[str, float]
@@ -33,10 +33,10 @@ class Attempt(NamedTuple):
 
 @dataclass(frozen=True)
 class Fit(Tabular):
-    """Parameters from measurements.
+    """Parameters identified from measurements.
 
     Attributes:
-        model: title.
+        model: title of the model.
         values: the parameters at the least sum of squares.
         deviations: their standard deviations; inf if unidentifiable.
         covariance: (k, k), (J^T J)^-1 of residuals in noise levels; inf and nan for unidentifiable parameters.
@@ -50,16 +50,16 @@ class Fit(Tabular):
         computed: for each run, by signal, (n,).
         measured: for each run, by signal, (n,).
         times: for each run, (n,).
-        names: of the runs.
+        names: names of the runs.
         runs: number of simulated runs.
         gradients: number of runs with derivatives.
         converged: whether the search converged.
         message: termination message.
         searches: one for each start.
-        units: of the signals.
-        rejected: reasons of the trials whose runs failed or had no derivative.
+        units: units of the signals.
+        rejected: reasons why trial points were rejected: their runs failed or had no derivative.
         parameter_units: units of the parameters; "" if unknown.
-        noise_known: whether noise levels were given; without, all signals have the weight 1 in SI.
+        noise_known: whether noise levels were given; if not, all signals have the weight 1 in SI.
     """
 
     model: str
@@ -94,12 +94,12 @@ class Fit(Tabular):
 
     @property
     def agreeing(self) -> int:
-        """Number of searches that ended at this minimum."""
+        """Number of searches that converged to this minimum."""
         return sum(s.chi2 <= self.chi2 * (1 + THREE_DIGITS) + SOLUTION_ROUNDING for s in self.searches)
 
     @property
     def refuted(self) -> bool:
-        """Whether the residuals are not noise: a false minimum, or an inadequate model."""
+        """Whether the residuals are not noise: a local minimum, or an inadequate model."""
         return bool(self.probability < SIGNIFICANCE_LEVEL)
 
     @property
@@ -157,10 +157,10 @@ class Fit(Tabular):
                 *([name, f"{x:.8g}", f"{d:.2g}", unit] for name, (x, d, unit) in shown.items())]  # fmt: skip
 
     def displayed(self, name: str, value: float | None = None) -> tuple[float, float, str]:
-        """Return value and deviation of a parameter, and their unit, as they are shown; or those of another value."""
-        of = self.parameter_units.get(name, "")
-        x, unit = displayed(self.values[name] if value is None else value, of)
-        return x, displayed(self.deviations[name], of)[0], unit
+        """Return value and deviation of a parameter in display units, and the unit; ``value`` replaces its value."""
+        si_unit = self.parameter_units.get(name, "")
+        x, unit = displayed(self.values[name] if value is None else value, si_unit)
+        return x, displayed(self.deviations[name], si_unit)[0], unit
 
     def remarks(self) -> list[str]:
         """Return the quality of the fit, and unidentifiable parameters."""
@@ -192,11 +192,11 @@ class Fit(Tabular):
 
     @property
     def warnings(self) -> list[str]:
-        """Return warnings about the values, in words."""
+        """Warnings about the values, in words."""
         lines = []
         for group in self.unidentifiable:
-            what = "the data do not determine" if len(group) == 1 else "the data determine only a combination of"
-            lines.append(f"{what} {', '.join(group)}")
+            problem = "the data do not determine" if len(group) == 1 else "the data determine only a combination of"
+            lines.append(f"{problem} {', '.join(group)}")
         if self.refuted:
             lines.append("residuals are not noise: a false minimum, too low noise levels, or a wrong model")
         if not self.noise_known and len(units := {*self.units.values()}) > 1:

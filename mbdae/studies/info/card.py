@@ -40,37 +40,37 @@ class Card(Tabular):
     """Result of `mbdae.info` for a mechanism.
 
     Attributes:
-        title: of the mechanism.
+        title: title of the mechanism.
         nq: length of a configuration.
         nv: length of a velocity.
         ng: rows of all closures.
         switched: number of rows that are active in some modes only.
-        rank: independent rows at the start, without these.
+        rank: number of independent rows at the start, without switched ones.
         dof: degrees of freedom, nv - rank.
-        position_dof: nv - rank of the rows that have a g: larger if there are velocity rows.
+        position_dof: nv - rank of the rows with a position level: larger if there are nonholonomic rows.
         joints: name and kind of each joint, in the order of q.
         closures: name, kind, frames or joints, and rows of each closure and driver, and the number of its redundant
             rows.
         forces: names of the forces.
-        gravity: in m/s^2.
+        gravity: acceleration of gravity in m/s^2.
         q: start configuration (nq,).
         v: start velocity (nv,).
         positions: start coordinates by joint, in m and rad; the angle of a joint with (cos, sin).
-        velocities: their rates, of free and spherical joints in the axes of the body.
+        velocities: start velocities by joint; of free and spherical joints in the axes of the body.
         g_loaded: max |g| of the file's start values, before assembly.
         g: max |g| at the assembled start.
         Gv: max |G v| at the assembled start.
         violation: closure that the file's start values violate, and its violation, in words.
-        motors: names of the inputs that take controls.
+        motors: names of the motors, the inputs of controllers.
         parameters: name and value of each parameter of the model, and its valid values, in words.
         solve: settings of runs in the file.
-        not_modelled: features that the motion ignores.
+        not_modelled: features of the file that the model ignores.
         fixed: links without a parent joint: their base is fixed to the world.
         inertia: the source of M, nle and J in runs, see `inertia_source`.
-        impossible: joints whose bodies have inertias that no rigid body has, see `impossible_inertias`.
+        impossible: joints of bodies with physically impossible inertias, see `impossible_inertias`.
         flexible: frequencies of the modes of each flexible body in rad/s, with its frame at rest.
         vibrations: frequencies of the flexible bodies in rad/s at the start, with the closures, and damping ratios.
-        units: of positions and velocities by joint, ``q.crank``.
+        units: units of positions and velocities by joint, ``q.crank``.
     """
 
     title: str
@@ -105,7 +105,7 @@ class Card(Tabular):
     units: dict[str, str] = field(default_factory=dict)
 
     def facts(self) -> dict[str, str]:
-        """Return the facts by heading; lists have several lines."""
+        """Return the facts by heading, lists on several lines."""
         closures = [
             f"{x['name']}: {x['kind']} {' - '.join(x['joins'])}, {x['rows']} rows"
             + (f" ({x['dependent']} depend on others)" if x["dependent"] else "")
@@ -211,16 +211,16 @@ def _rounded(frequencies: Iterable[float]) -> str:
 
 
 def wrapped(line: str) -> str:
-    """Return a line in lines of about 100 characters that end after commas, further ones indented."""
+    """Wrap a line after commas to about 100 characters, with indented continuation lines."""
     text = line.lstrip()
-    kept = re.sub("(?<!,) ", "\N{NO-BREAK SPACE}", text)
+    unbroken = re.sub("(?<!,) ", "\N{NO-BREAK SPACE}", text)
     wrapper = textwrap.TextWrapper(100, break_long_words=False, break_on_hyphens=False, subsequent_indent=" " * 14)
     wrapper.initial_indent = " " * (len(line) - len(text))
-    return wrapper.fill(kept).replace("\N{NO-BREAK SPACE}", " ")
+    return wrapper.fill(unbroken).replace("\N{NO-BREAK SPACE}", " ")
 
 
 def readable(x: float) -> str:
-    """Return a number with six digits; 0 for rounding."""
+    """Return a number with six digits, or 0 if it is rounding."""
     return f"{x:.6g}" if abs(x) > SOLUTION_ROUNDING else "0"
 
 

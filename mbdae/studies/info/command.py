@@ -29,8 +29,8 @@ def info(model: str | None, started: tuple[str, ...], chosen: tuple[str, ...], a
     from .info import info as study
 
     found = study(chosen_model(model, started, chosen).problem() if model else None)
-    used = backend.status()
-    emit({**found.to_dict(), "backend": used}, f"{found}\nback end: {used}" if model else str(found), as_json)
+    core = backend.status()
+    emit({**found.to_dict(), "backend": core}, f"{found}\nback end: {core}" if model else str(found), as_json)
 
 
 @click.command()
@@ -51,7 +51,7 @@ def models(textbook: bool, as_json: bool) -> None:
 def _row(
     name: str, title: str, sizes: dict[str, int], parameters: dict[str, str], robots: bool, complete: bool
 ) -> dict[str, Any]:
-    """Return the title and sizes of a model, or why it cannot be loaded here; valid values if ``complete``."""
+    """Return the title and sizes of a model, or why it is not installed; valid values if ``complete``."""
     try:
         if robots:
             robots_directory()

@@ -1,4 +1,4 @@
-"""Inertias that no rigid body has."""
+"""Physically impossible inertias, whose principal moments violate the triangle inequality."""
 
 import numpy as np
 
@@ -7,9 +7,9 @@ from ...tolerances import THREE_DIGITS
 
 
 def impossible_inertias(mech: Mechanism) -> tuple[str, ...]:
-    """Return the joints whose bodies have a principal moment that exceeds the sum of the two others.
+    """Return the joints of bodies with a principal moment of inertia above the sum of the remaining two.
 
-    A body with a moment about one axis alone does not count: in a plane the others are left out.
+    A single nonzero moment is accepted, since planar models omit the remaining ones.
     """
     out = []
     for name, inertia in zip(mech.model.names, mech.model.inertias, strict=True):

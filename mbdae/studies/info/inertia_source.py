@@ -1,4 +1,4 @@
-"""The source of M, nle and J in runs of the compiled core."""
+"""Source of mass matrix, nonlinear effects and joint Jacobians in runs of the compiled core."""
 
 from contextlib import suppress
 
@@ -9,9 +9,9 @@ from ...mechanism.formulations.compiled_systems import COMPILED
 
 
 def inertia_source(mech: Mechanism) -> str:
-    """Return the core's sweep through the tree, planar where bodies move in parallel planes; empty without the core.
+    """Describe the source: the core's tree sweep, planar if all bodies move in parallel planes; "" without the core.
 
-    Pinocchio serves where the core does not know a kind of joint, or a feature.
+    Pinocchio is the source if the core does not support a kind of joint or another feature.
     """
     if (native := backend.load()) is None:
         return ""

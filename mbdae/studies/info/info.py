@@ -21,7 +21,7 @@ class Installation:
     """Result of `info` without a model.
 
     Attributes:
-        versions: of mbdae and of its numerical packages, by name.
+        versions: versions of mbdae and of its numerical packages, by name.
         backend: ``native`` or ``python``, with the reason.
     """
 
@@ -41,7 +41,7 @@ class TextbookCard:
     """Result of `info` for a textbook problem.
 
     Attributes:
-        title: of the problem.
+        title: title of the problem.
         ny: length of y.
         nz: length of z.
         duration: default end time of a run in s.

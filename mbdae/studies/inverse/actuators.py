@@ -14,34 +14,34 @@ from ...mechanism.tree.coordinate_units import component_suffixes, coordinate_un
 from ...mechanism.tree.frames import find_joint
 from ...system import Array
 
-REPLACED_FORCES = (JointPID, JointTorque, DCMotor)  # by actuators
+REPLACED_FORCES = (JointPID, JointTorque, DCMotor)  # forces that actuators replace
 
 
 class Actuators(NamedTuple):
     """Actuators with m efforts.
 
     Attributes:
-        mechanism: without the forces that actuators replace; drivers are its last rows.
-        names: of the efforts.
-        units: ``"N m"`` or ``"N"``.
-        fixed: rows of joints, (m, nv); zero for drivers.
-        rows: for each effort the row of G of its driver, -1 for joints.
+        mechanism: mechanism without the forces that actuators replace; drivers are its last rows.
+        names: names of the efforts.
+        units: units of the efforts, ``"N m"`` or ``"N"``.
+        joint_rows: rows of S of joints, (m, nv); zero for drivers.
+        driver_rows: for each effort the row of G of its driver, -1 for joints.
         undriven: indices of the rows that are not drivers, (c,).
-        replaced: names of those forces.
+        replaced: names of the replaced forces.
     """
 
     mechanism: Mechanism
     names: list[str]
     units: list[str]
-    fixed: Array
-    rows: list[int]
+    joint_rows: Array
+    driver_rows: list[int]
     undriven: Array
     replaced: tuple[str, ...]
 
     def rows_at(self, G: Array) -> Array:
         """Return S (m, nv), whose generalized force is S^T effort, for G (ng, nv) of all rows."""
-        out = self.fixed.copy()
-        for i, row in enumerate(self.rows):
+        out = self.joint_rows.copy()
+        for i, row in enumerate(self.driver_rows):
             if row >= 0:
                 out[i] = G[row]
         return out
@@ -52,7 +52,7 @@ class _Effort(NamedTuple):
 
     name: str
     unit: str
-    fixed: Array
+    joint_rows: Array
     row: int
 
 
@@ -121,12 +121,14 @@ def actuators_of(mech: Mechanism, names: str | Sequence[str] | None, drive: str 
         found += _joint_efforts(mech, joint, name)
     if len({effort.name for effort in found}) < len(found) or not found:
         raise InputError(f"actuators are named once each, got {', '.join(chosen) or 'none'}")
-    labels, units, rows, driver_rows = zip(*found, strict=True)
+    labels, units, joint_rows, driver_rows = zip(*found, strict=True)
     driven = [row for d in mech.drivers for row in mech.rows_of(d.name)]
     undriven = np.setdiff1d(np.arange(mech.ng), driven)
     replaced = [f for f in mech.forces if isinstance(f, REPLACED_FORCES) and f.joint in joints]
-    bound, names_of_replaced = _without_forces(mech, replaced), tuple(f.name for f in replaced)
-    return Actuators(bound, list(labels), list(units), np.array(rows), list(driver_rows), undriven, names_of_replaced)
+    return Actuators(
+        _without_forces(mech, replaced), list(labels), list(units), np.array(joint_rows), list(driver_rows), undriven,
+        tuple(f.name for f in replaced),
+    )  # fmt: skip
 
 
 def _without_forces(mech: Mechanism, replaced: Sequence[object]) -> Mechanism:

@@ -18,8 +18,8 @@ MAX_JOINTS = 7  # in a figure
 def demands(found: InverseDynamics) -> "Figure":
     """Draw efforts with peak and RMS, powers, and the largest forces in joints."""
     kinds = list(dict.fromkeys(found.units))
-    name, per = found.abscissa
-    (over, over_unit), rows = displayed(found.over, per), len(kinds) + 2
+    name, si_unit = found.abscissa
+    (over, over_unit), rows = displayed(found.over, si_unit), len(kinds) + 2
     figure = empty_figure(WIDTH, 1.6 * rows + 0.5)
     axes = figure.subplots(rows, 1, sharex=True)
     for ax, kind in zip(axes, kinds, strict=False):
@@ -33,7 +33,11 @@ def demands(found: InverseDynamics) -> "Figure":
             for level, line in ((peak, ":"), (rms, "--")):
                 ax.axhline(level, color=style["color"], lw=0.7, ls=line)
             ax.plot(
-                displayed(d.at, per)[0], efforts[np.abs(found.over - d.at).argmin()], "o", ms=3, color=style["color"]
+                displayed(d.at, si_unit)[0],
+                efforts[np.abs(found.over - d.at).argmin()],
+                "o",
+                ms=3,
+                color=style["color"],
             )
         legend_right(ax, labelspacing=0.3)
     for i, name in enumerate(found.names):

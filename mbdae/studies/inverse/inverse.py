@@ -52,8 +52,8 @@ def inverse_dynamics(
         actuators: a joint, driver, motor or controller; several times for several. When left out, the input of the
             curve, the mechanism's drivers, or its joints with motors and controllers.
         speed: constant speed of the input in rad/s or m/s.
-        weights: actuator=weight, for more actuators than degrees of freedom. Of the squares of efforts; 1 when
-            left out.
+        weights: actuator=weight, weights of the squared efforts if there are more actuators than degrees of freedom;
+            1 when left out.
 
     Raises:
         UnknownNameError: for an unknown name.
@@ -95,7 +95,7 @@ def inverse_dynamics(
         speeds[i] = S @ v
         all_lam = np.zeros(system.ng)
         all_lam[undriven] = lam[i]
-        for row, effort in zip(chosen.rows, efforts[i], strict=True):
+        for row, effort in zip(chosen.driver_rows, efforts[i], strict=True):
             if row >= 0:
                 all_lam[row] = effort
         joints[i] = joint_wrenches(system, t, q, v, vdot, all_lam)
@@ -109,7 +109,7 @@ def inverse_dynamics(
 
 
 def _modes(mech: Mechanism, desired: Prescribed) -> list[Mode]:
-    """Return the mode at each time: that of a run; in a prescribed motion without active unilateral rows.
+    """Return the mode at each time: that of a run, or of a prescribed motion without active unilateral rows.
 
     Dry friction opposes a prescribed motion.
     """
@@ -130,7 +130,7 @@ def _violated(mech: Mechanism, desired: Prescribed) -> tuple[Violation, ...]:
 
 
 def _static_friction(mech: Mechanism, desired: Prescribed) -> dict[str, float]:
-    """Return the static friction of joints that a prescribed motion keeps at rest for a while."""
+    """Return the static friction of joints that a prescribed motion keeps at rest over an interval."""
     brakes = [] if desired.modes else [c for c in mech.constraints if isinstance(c, Brake)]
     out = {}
     for brake in brakes:
@@ -141,15 +141,15 @@ def _static_friction(mech: Mechanism, desired: Prescribed) -> dict[str, float]:
 
 
 def _states(mech: Mechanism, known: Mapping[str, Array], n: int) -> Array:
-    """Return states of the remaining forces, (n, ns): those of the motion, or their start values."""
+    """Return the states of the remaining forces along the motion, (n, ns); start values if they are unknown."""
     return np.array([known.get(name, np.full(n, start)) for name, start in mech.states.items()]).T.reshape(n, -1)
 
 
 def _free_coordinates(chosen: Actuators, desired: Prescribed) -> Array:
-    """Return the indices of all coordinates but the modes that the motion holds and no actuator moves, (n,)."""
+    """Return the indices of all coordinates except modes that the motion locks and no actuator moves, (n,)."""
     model = chosen.mechanism.model
-    held = [find_joint(model, name).idx_v for name in desired.rigid]
-    return np.setdiff1d(np.arange(model.nv), [i for i in held if not chosen.fixed[:, i].any()])
+    locked = [find_joint(model, name).idx_v for name in desired.rigid]
+    return np.setdiff1d(np.arange(model.nv), [i for i in locked if not chosen.joint_rows[:, i].any()])
 
 
 def _basis(G: Array, free: Array) -> tuple[int, Array]:

@@ -1,4 +1,4 @@
-"""Peaks of sampled values between the samples, and the positive and negative parts of integrals."""
+"""Peaks of sampled values between samples, and integrals of positive and negative parts."""
 
 from collections.abc import Sequence
 
@@ -8,14 +8,14 @@ from scipy.interpolate import PchipInterpolator
 from ...system import Array
 from ...tolerances import INTERPOLATION
 
-HALF = 3  # points on each side of the largest sample: the polynomial has degree 6
+HALF = 3  # samples on each side of the largest sample: the polynomial has degree 6
 
 
 def located_peak(values: Array, t: Array, over: Array, intervals: Sequence[Array]) -> tuple[float, float]:
-    """Return the largest magnitude of values (n,) over t, and its place on an abscissa ``over`` (n,).
+    """Return the largest magnitude of values (n,) over t, and its position on an abscissa ``over`` (n,).
 
-    Where polynomials of degrees 4 and 6 through the nearest samples agree there, the peak is that of the latter; close
-    to jumps, corners and ends it is the largest sample.
+    If polynomials of degrees 4 and 6 through the nearest samples agree at the peak, it is that of the latter; close to
+    jumps, corners and ends it is the largest sample.
 
     Args:
         values: samples, (n,).
@@ -42,19 +42,19 @@ def located_peak(values: Array, t: Array, over: Array, intervals: Sequence[Array
 
 
 def _polynomial(values: Array, t: Array, i: int, half: int) -> np.polynomial.Polynomial:
-    """Return the polynomial through 2 half + 1 samples around sample i, of time from there in mean steps."""
-    around = slice(i - half, i + half + 1)
-    x = (t[around] - t[i]) / np.diff(t[i - 1 : i + 2]).mean()
-    return np.polynomial.Polynomial(np.linalg.solve(np.vander(x, increasing=True), values[around]))
+    """Return the polynomial through 2 half + 1 samples around sample i, in the time since sample i over mean steps."""
+    window = slice(i - half, i + half + 1)
+    x = (t[window] - t[i]) / np.diff(t[i - 1 : i + 2]).mean()
+    return np.polynomial.Polynomial(np.linalg.solve(np.vander(x, increasing=True), values[window]))
 
 
 def delivered_and_absorbed(power: Array, t: Array, intervals: Sequence[Array]) -> tuple[float, float]:
     """Return the integrals of the positive and of the negative part of a power, by monotone cubics, both positive."""
-    given = taken = 0.0
+    delivered = absorbed = 0.0
     for k in intervals:
         cubic = PchipInterpolator(t[k], power[k])
         roots = cubic.roots(extrapolate=False)
         cuts = np.unique([t[k[0]], *roots[np.isfinite(roots)], t[k[-1]]])
-        parts = np.diff(cubic.antiderivative()(cuts))
-        given, taken = given + parts[parts > 0].sum(), taken - parts[parts < 0].sum()
-    return float(given), float(taken)
+        energies = np.diff(cubic.antiderivative()(cuts))
+        delivered, absorbed = delivered + energies[energies > 0].sum(), absorbed - energies[energies < 0].sum()
+    return float(delivered), float(absorbed)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from ...mechanism.formulations.index2 import Index2System
 
-DEGREE = 5  # degree of the spline through a table: accelerations are splines of degree 3
+DEGREE = 5  # degree of the interpolating spline, whose accelerations are splines of degree 3
 ITERATIONS = 20
 
 
@@ -39,11 +39,11 @@ class Prescribed(NamedTuple):
         q: configurations, (n, nq).
         v: velocities, (n, nv).
         vdot: accelerations, (n, nv).
-        states: of forces by name, (n,) each, if known.
+        states: states of forces by name, (n,) each, if known.
         over: abscissa of figures, (n,), and its name with unit.
         modes: states of switches of a run by name, (n,) each.
         impacts: times of impacts in s, (k,).
-        rigid: modes of flexible bodies that the motion holds as if the bodies were rigid.
+        rigid: modes of flexible bodies that the motion locks, as if the bodies were rigid.
     """
 
     t: Array
@@ -74,8 +74,8 @@ def prescribed(mech: Mechanism, motion: object, speed: float | None) -> Prescrib
         return _from_table(mech, motion)
     if isinstance(motion, Sequence) and len(motion) == 4:
         return _from_arrays(mech, motion)
-    what = "a Solution, a Kinematics, a table of columns, the path of one of them, or (t, q, v, a)"
-    raise InputError(f"a motion is {what}, got {motion!r:.60}")
+    valid = "a Solution, a Kinematics, a table of columns, the path of one of them, or (t, q, v, a)"
+    raise InputError(f"a motion is {valid}, got {motion!r:.60}")
 
 
 def _from_curve(mech: Mechanism, found: Kinematics, speed: float | None) -> Prescribed:
@@ -127,12 +127,12 @@ def _from_arrays(mech: Mechanism, motion: Sequence[object]) -> Prescribed:
     speed, acceleration = (float(np.abs(x / free.coordinate_scales).max()) for x in (v, a))
     sizes = 1.0, speed, acceleration + speed**2
     for i in range(len(t)) if free.ng else ():
-        for values, size, what in zip(
+        for values, size, unit in zip(
             _constraint_violations(system, q[i], v[i], a[i]), sizes, ("", "/s", "/s^2"), strict=True
         ):
-            gap = largest_error(free, values, what)
-            if gap.relative > COARSE * size:
-                raise InputError(f"the motion violates closure {gap.name!r} by {gap.text} at t = {t[i]:.9g}")
+            error = largest_error(free, values, unit)
+            if error.relative > COARSE * size:
+                raise InputError(f"the motion violates closure {error.name!r} by {error.text} at t = {t[i]:.9g}")
     return Prescribed(t, q, v, a, {}, (t, "t (s)"))
 
 
@@ -154,9 +154,10 @@ def read_motion(mech: Mechanism, motion: object) -> Any:
         raise InputError(f"no file {str(motion)!r}: a motion is {valid}")
     if Path(motion).suffix == ".npz":
         return Solution.load(motion)
-    columns, headed, _ = read_columns(motion)
+    columns, heading_units, _ = read_columns(motion)
     known = {"t": "s"} | coordinate_units(mech)
-    check_headings(str(motion), headed, known | {name.removeprefix("q."): unit for name, unit in known.items()})
+    joint_units = {name.removeprefix("q."): unit for name, unit in known.items()}
+    check_headings(str(motion), heading_units, known | joint_units)
     return columns
 
 
@@ -171,8 +172,8 @@ def _from_table(mech: Mechanism, columns: Mapping[str, object]) -> Prescribed:
     rigid = tuple(x for x in mode_joints(mech.model) if x not in given)
     start = start_configuration(mech)
     at_start = [_coordinate(start, single[n]) for n in rigid]
-    kept = np.stack([np.tile(x, (len(t), 1)) for x in (at_start, *np.zeros((2, len(rigid))))])
-    motion = _close_motion(mech, [single[n] for n in (*given, *rigid)], np.concatenate([targets, kept], axis=2))
+    constant = np.stack([np.tile(x, (len(t), 1)) for x in (at_start, *np.zeros((2, len(rigid))))])
+    motion = _close_motion(mech, [single[n] for n in (*given, *rigid)], np.concatenate([targets, constant], axis=2))
     return Prescribed(t, *motion, {}, (t, "t (s)"), rigid=rigid)
 
 
@@ -205,9 +206,9 @@ def _check_columns(t: Array, given: Mapping[str, Array]) -> None:
         if not np.isfinite(x).all():
             raise InputError(f"column {name!r} of a motion has no finite value in row {np.isfinite(x).argmin() + 1}")
     if not (increasing := np.diff(t) > 0).all():
-        first, then = t[(i := int(np.argmin(increasing)))], t[i + 1]
-        impact = " (a run has the time of an impact twice: give its .npz)" if first == then else ""
-        raise InputError(f"the times of a motion must increase, got {first:.9g} and then {then:.9g}{impact}")
+        first, second = t[(i := int(np.argmin(increasing)))], t[i + 1]
+        impact = " (a run has the time of an impact twice: give its .npz)" if first == second else ""
+        raise InputError(f"the times of a motion must increase, got {first:.9g} and then {second:.9g}{impact}")
 
 
 def _close_motion(mech: Mechanism, joints: list["pin.JointModel"], targets: Array) -> tuple[Array, Array, Array]:
@@ -222,9 +223,9 @@ def _close_motion(mech: Mechanism, joints: list["pin.JointModel"], targets: Arra
         q, G = found.q, found.G
         if i == 0:
             _check_dof(free, G, at)
-        if not (found.miss < COARSE and np.abs(found.g / free.row_scales).max(initial=0.0) < COARSE):
+        if not (found.distance < COARSE and np.abs(found.g / free.row_scales).max(initial=0.0) < COARSE):
             raise InputError(f"the joints cannot follow the table at point {i + 1} with closed loops: they miss it by "
-                             f"{found.miss:.3g} rad or characteristic lengths")  # fmt: skip
+                             f"{found.distance:.3g} rad or characteristic lengths")  # fmt: skip
         v = _solve(G, np.zeros(len(G)), at, targets[1, i])
         gamma = system.gamma(q, v, 0.0)
         G = system.jacobian(q)
@@ -238,7 +239,7 @@ class _TargetPose(NamedTuple):
     q: Array
     g: Array
     G: Array
-    miss: float
+    distance: float
 
 
 def _at_targets(system: "Index2System", q: Array, joints: list["pin.JointModel"], target: Array) -> _TargetPose:
@@ -247,18 +248,18 @@ def _at_targets(system: "Index2System", q: Array, joints: list["pin.JointModel"]
     scales = system.mechanism.coordinate_scales
     for _ in range(ITERATIONS):
         g, G = system.closures(q, 0.0)
-        miss = target - np.array([_coordinate(q, j) for j in joints])
-        miss = np.where(circles, (miss + np.pi) % (2 * np.pi) - np.pi, miss)
-        x = _solve(G, -g, at, miss)
+        error = target - np.array([_coordinate(q, j) for j in joints])
+        error = np.where(circles, (error + np.pi) % (2 * np.pi) - np.pi, error)
+        x = _solve(G, -g, at, error)
         size = float(np.abs(x / scales).max())
         q = system.manifold.integrate(q, x / max(1.0, 2.0 * size))
         if size < SEARCH_TOLERANCE:
             break
-    return _TargetPose(q, g, G, float(np.abs(miss / scales[at]).max()))
+    return _TargetPose(q, g, G, float(np.abs(error / scales[at]).max()))
 
 
 def _coordinate(q: Array, joint: "pin.JointModel") -> float:
-    """Return the coordinate of a joint: the angle if it is stored as cosine and sine."""
+    """Return the coordinate of a joint; the angle of a joint whose coordinates are (cos, sin)."""
     k = joint.idx_q
     return float(q[k] if joint.nq == 1 else np.arctan2(q[k + 1], q[k]))
 

@@ -22,14 +22,14 @@ from .peaks import delivered_and_absorbed, located_peak
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SPEEDS = {"N m": "rad/s", "N": "m/s"}  # by the unit of the effort
+SPEEDS = {"N m": "rad/s", "N": "m/s"}  # units of speeds by the unit of the effort
 
 
 class Demand(NamedTuple):
     """Requirements on an actuator, for choosing a motor.
 
     Attributes:
-        name: of the effort.
+        name: name of the effort.
         unit: ``"N m"`` or ``"N"``.
         peak: largest |effort|.
         at: position of the peak on the figure's abscissa.
@@ -37,9 +37,9 @@ class Demand(NamedTuple):
         speed: largest |speed|, in rad/s or m/s.
         power: largest delivered power, in W.
         braking: largest absorbed power, in W.
-        energy: in J: delivered minus absorbed.
-        delivered: energy in J.
-        absorbed: energy in J.
+        energy: delivered minus absorbed energy in J.
+        delivered: delivered energy in J.
+        absorbed: absorbed energy in J.
     """
 
     name: str
@@ -65,18 +65,18 @@ class InverseDynamics(Tabular):
         q: configurations, (n, nq).
         v: velocities, (n, nv).
         vdot: accelerations, (n, nv).
-        names: of the actuators, m.
-        units: of their efforts, ``"N m"`` or ``"N"``.
-        efforts: (n, m); nan in poses where the closures lose rank.
-        speeds: of the actuators in rad/s or m/s, (n, m).
-        lam: multipliers of all rows except drivers', (n, c), of least norm for redundant rows; 0 for inactive ones.
+        names: names of the m actuators.
+        units: units of their efforts, ``"N m"`` or ``"N"``.
+        efforts: efforts, (n, m); nan in poses where the closures lose rank.
+        speeds: speeds of the actuators in rad/s or m/s, (n, m).
+        lam: multipliers of all rows except drivers', (n, c), of minimum norm for redundant rows; 0 for inactive rows.
         joints: force and torque in each tree joint, on its child body, in the joint's axes, (n, nj, 6).
         over: abscissa of figures, (n,).
-        over_name: its name with unit.
+        over_name: name of the abscissa with its unit.
         impacts: times of impacts of a run, whose impulses are not included in efforts.
         violations: unilateral constraints (stops, ropes, contacts, clutches) that a prescribed motion violates.
-        static_friction: in N m or N, of joints that a prescribed motion keeps at rest: not included in efforts.
-        replaced: names of the torques, controllers and motors on actuated joints, in whose place the efforts are.
+        static_friction: static friction in N m or N of joints at rest in a prescribed motion, not included in efforts.
+        replaced: names of the torques, controllers and motors on actuated joints, which the efforts replace.
     """
 
     mechanism: Mechanism
@@ -185,9 +185,9 @@ class InverseDynamics(Tabular):
         columns, known = self.signals(), dict(zip(self.names, self.units, strict=True))
         fixed = {"t": "s", "power": "W", "force": "N", "torque": "N m", "lam": "N, N m"}
         headers = {name: name.split(".", 1) for name in columns}
-        given = {name: fixed.get(head[0], known.get(head[-1], "")) for name, head in headers.items()}
+        found = {name: fixed.get(head[0], known.get(head[-1], "")) for name, head in headers.items()}
         speeds = {f"speed.{name}": SPEEDS[unit] for name, unit in known.items()}
-        return Columns(columns, {name: unit for name, unit in (given | speeds).items() if unit}, "t")
+        return Columns(columns, {name: unit for name, unit in (found | speeds).items() if unit}, "t")
 
     def cells(self) -> list[list[str]]:
         """Return the requirements on each actuator."""

@@ -1,7 +1,7 @@
 """Assembly modes: all poses of a mechanism with one degree of freedom at one value of its input.
 
 They are searched from random starts. Modes between which the mechanism can move belong to one circuit
-(Chase, Mirth, J. Mech. Design 115 (1993)), which is followed from each new mode.
+(Chase, Mirth, J. Mech. Design 115 (1993)), which is traced from each new mode.
 """
 
 from collections.abc import Sequence
@@ -31,11 +31,11 @@ class AssemblyMode:
     """An assembly mode.
 
     Attributes:
-        label: the circuit's number and a letter, ``"1a"``: if it is among the modes, the model's start.
+        label: number of the circuit and a letter, ``"1a"``; that is the model's start if it is a mode.
         circuit: number of its circuit: a mechanism can move between modes of one circuit.
         q: configuration, (nq,).
-        rising: whether the input increases along the circuit here, in the direction of its first mode.
-        margin: smallest singular value of all rows over the largest: zero where two modes coincide.
+        rising: whether the input increases along the circuit at this mode, in the direction of its first mode.
+        margin: ratio of the smallest to the largest singular value of all rows: zero where two modes coincide.
         hits: number of random starts that led to it.
     """
 
@@ -79,7 +79,7 @@ class AssemblyModes(Tabular):
     def __str__(self) -> str:
         n, circuits = len(self.modes), len({m.circuit for m in self.modes})
         unit = coordinate_units(self.mechanism).get(f"v.{self.drive}", "").removesuffix("/s")
-        modes, on = (f"{k} {what}{'s' if k != 1 else ''}" for k, what in ((n, "assembly mode"), (circuits, "circuit")))
+        modes, on = (f"{k} {noun}{'s' if k != 1 else ''}" for k, noun in ((n, "assembly mode"), (circuits, "circuit")))
         text = f"{self.mechanism.title}: {modes} at {self.drive} = {quantity(self.u, unit)}, on {on}"
         lines = [f"{text}, from {self.starts} starts of which {self.closed} closed"]
         if self.closed:
@@ -112,15 +112,15 @@ def assembly_modes(
     times and another mode as likely as these would be missed with a probability of 1 %. Modes between which the
     mechanism can move belong to one circuit. Source: Chase, Mirth, J. Mech. Design 115 (1993).
 
-    Poses that differ by full turns of joints are one mode, also where a wheel or a rack that only couplings move counts
-    the turns, and meshes elsewhere.
+    Poses that differ by full turns of joints are one mode, even if a wheel or rack that is moved by couplings alone has
+    a different position.
 
     Args:
         mech: the mechanism, or an argument of `mbdae.load`.
         drive: the input: a joint of one coordinate, or a driver of the mechanism.
         at: value of the input, in rad or m; the start when left out.
         hold: joints to lock in place, or at given values: joint=value. See `mbdae.kinematics`.
-        apart: joints that distinguish the modes; all but those that count turns when left out. Each leg that can be
+        apart: joints that distinguish the modes; by default all that do not merely count turns. Each leg that can be
             assembled in two ways doubles the number of modes without moving the platform.
         most: largest number of random starts.
 

@@ -11,10 +11,10 @@ from ...cli.output import PAGES, PLOT, TABLE, emit, output_file
 from ...cli.study_command import Output, Result, Study, command, study_command
 
 
-def _write_replay(found: Any, path: str, given: Mapping[str, Any]) -> None:
+def _write_replay(result: Any, path: str, options: Mapping[str, Any]) -> None:
     from ..replay.replay import animate
 
-    animate(found.run(), path, speed=given["speed"])
+    animate(result.run(), path, speed=options["speed"])
 
 
 PAGE = output_file(

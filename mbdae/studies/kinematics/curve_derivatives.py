@@ -10,7 +10,7 @@ and an output o(q, v, p) changes by
     do = (o_p - lam g_p - mu Q) dp,    G^T mu = o_v,    G^T lam = o_q - B^T mu
 
 one transposed solve for all parameters: lam are the reactions to a unit load along the output with the drive locked.
-A frame's origin moves with q and with the placements of the joints that carry it. By virtual work, the driver effort
+The origin of a frame depends on q and on the placements of its supporting joints. By virtual work, the driver effort
 that balances a pose at rest is -f(q) . v with the forces f.
 """
 
@@ -35,7 +35,7 @@ AXES = "xyz"
 
 
 class Poses(NamedTuple):
-    """Rows of a curve's poses, linearized.
+    """Linearized constraint rows in the n poses of a curve.
 
     Attributes:
         inverse: pseudoinverses of G, (n, nv, ng).
@@ -54,14 +54,14 @@ class CurveSignals(Mapping[str, Array]):
     """Signals along a curve by name, (n,) each: ``u``, ``q.*``, ``v.*``, ``position.*``, and ``holding``.
 
     Args:
-        found: a curve without dead points.
+        curve: a curve without dead points.
         make_parameters: returns the parameters of its mechanism, with the input as last driver.
     """
 
-    def __init__(self, found: Kinematics, make_parameters: Callable[[], Parameters]) -> None:
-        self.found, self._make_parameters, self.system = found, make_parameters, found.mechanism.system()
-        self.known = {n: x for n, x in signal_values(found.mechanism).items() if n[:2] in ("q.", "v.")}
-        self.states = np.array(list(found.mechanism.states.values()))
+    def __init__(self, curve: Kinematics, make_parameters: Callable[[], Parameters]) -> None:
+        self.curve, self._make_parameters, self.system = curve, make_parameters, curve.mechanism.system()
+        self.known = {n: x for n, x in signal_values(curve.mechanism).items() if n[:2] in ("q.", "v.")}
+        self.states = np.array(list(curve.mechanism.states.values()))
 
     @cached_property
     def parameters(self) -> Parameters:
@@ -69,7 +69,7 @@ class CurveSignals(Mapping[str, Array]):
         return self._make_parameters()
 
     def __iter__(self) -> Iterator[str]:
-        frames = [name for name in frame_names(self.found.mechanism.model) if name != WORLD]
+        frames = [name for name in frame_names(self.curve.mechanism.model) if name != WORLD]
         return iter(["u", *self.known, *(f"position.{n}.{x}" for n in frames for x in AXES), HOLDING])
 
     def __len__(self) -> int:
@@ -82,27 +82,27 @@ class CurveSignals(Mapping[str, Array]):
         if name not in self:
             raise UnknownNameError("signal of a curve", name, self)
         if name == "u":
-            return self.found.u
+            return self.curve.u
         if name == HOLDING:
             return self.holding
         if name in self.known:
             return self.coordinates[name]
         frame, axis = _point(name)
-        return frame_paths(self.found.mechanism.model, [frame], self.found.q)[0, :, AXES.index(axis)]
+        return frame_paths(self.curve.mechanism.model, [frame], self.curve.q)[0, :, AXES.index(axis)]
 
     @cached_property
     def coordinates(self) -> dict[str, Array]:
         """Signals ``q.*`` and ``v.*``."""
-        found = self.found
-        rates = {name: row for name, row in zip(found.velocity_names, found.rates.T, strict=True)}
-        return coordinates(found.run()) | rates
+        curve = self.curve
+        rates = {name: row for name, row in zip(curve.velocity_names, curve.rates.T, strict=True)}
+        return coordinates(curve.run()) | rates
 
     @cached_property
     def holding(self) -> Array:
         """Holding torque or force of the driver at rest in each pose, in N m or N, (n,)."""
-        return np.array([-self._at_rest(q) @ v for q, v in zip(self.found.q, self.found.rates, strict=True)])
+        return np.array([-self._static_force(q) @ v for q, v in zip(self.curve.q, self.curve.rates, strict=True)])
 
-    def _at_rest(self, q: Array) -> Array:
+    def _static_force(self, q: Array) -> Array:
         self.system.inertia(0.0, q)
         return self.system.force(0.0, q, np.zeros(self.system.nv), self.states)[0]
 
@@ -110,13 +110,13 @@ class CurveSignals(Mapping[str, Array]):
     def poses(self) -> Poses:
         """Linearized rows in each pose."""
         s, all_rows = self.parameters.system, np.arange(self.parameters.system.ng)
-        found = []
-        for u, q, v in zip(self.found.u, self.found.q, self.found.rates, strict=True):
+        rows = []
+        for u, q, v in zip(self.curve.u, self.curve.q, self.curve.rates, strict=True):
             G, B = s.rate_partials(u, q, v, all_rows)
             Q, g = self.parameters.row_partials(u, q, v)
             inverse = np.linalg.pinv(G, rcond=RANK)
-            found.append((inverse, -inverse @ B, g, Q))
-        return Poses(*(np.array(x) for x in zip(*found, strict=True)))
+            rows.append((inverse, -inverse @ B, g, Q))
+        return Poses(*(np.array(x) for x in zip(*rows, strict=True)))
 
     def reactions(self, name: str) -> Array:
         """Return the reactions lam of all rows to a unit load along a signal, with the drive locked, (n, ng).
@@ -139,7 +139,7 @@ class CurveSignals(Mapping[str, Array]):
 
     def partials(self, name: str) -> tuple[Array, Array, Array]:
         """Return partials of a signal with respect to q in the tangent and v, (n, nv) each, and parameters (n, k)."""
-        n, nq, nv, k = len(self.found.u), self.system.nq, self.system.nv, len(self.parameters)
+        n, nq, nv, k = len(self.curve.u), self.system.nq, self.system.nv, len(self.parameters)
         by_q, by_v, by_p = np.zeros((n, nv)), np.zeros((n, nv)), np.zeros((n, k))
         if name == HOLDING:
             return self._holding_partials()
@@ -150,22 +150,22 @@ class CurveSignals(Mapping[str, Array]):
             elif at.i >= nq:
                 by_v[:, at.i - nq] = 1.0
             else:
-                by_q[:] = [self.system.manifold.coordinate_partials(q)[at.i] for q in self.found.q]
+                by_q[:] = [self.system.manifold.coordinate_partials(q)[at.i] for q in self.curve.q]
         elif name != "u":
             frame, axis = _point(name)
-            both, row = [frame_partials(self.parameters, q, [frame]) for q in self.found.q], AXES.index(axis)
-            by_q, by_p = (np.array([pair[i][0, row] for pair in both]) for i in (0, 1))
+            partials, row = [frame_partials(self.parameters, q, [frame]) for q in self.curve.q], AXES.index(axis)
+            by_q, by_p = (np.array([pair[i][0, row] for pair in partials]) for i in (0, 1))
         return by_q, by_v, by_p
 
     def _holding_partials(self) -> tuple[Array, Array, Array]:
         s, nv, out = self.parameters.system, self.system.nv, []
         zero_v, zero_lam = np.zeros(nv), np.zeros(s.ng)
         u = np.concatenate([zero_v, self.states, [0.0]])
-        for q, v in zip(self.found.q, self.found.rates, strict=True):
+        for q, v in zip(self.curve.q, self.curve.rates, strict=True):
             self.parameters.require_directions(0.0, q)
             K = s.partials(0.0, q, u, zero_v, zero_lam, np.arange(s.ng)).K[:nv]
             P = self.parameters.force_partials(0.0, q, zero_v, self.states, zero_v, zero_lam)[:nv]
-            out.append((-v @ K, -self._at_rest(q), -v @ P))
+            out.append((-v @ K, -self._static_force(q), -v @ P))
         by_q, by_v, by_p = (np.array(x) for x in zip(*out, strict=True))
         return by_q, by_v, by_p
 
@@ -176,16 +176,16 @@ def _point(name: str) -> tuple[str, str]:
     return frame, axis
 
 
-def require_monotonic(found: Kinematics, span: Sequence[float]) -> None:
-    """Reject a curve that does not cover a range of its input from one end to the other.
+def require_monotonic(curve: Kinematics, span: Sequence[float]) -> None:
+    """Reject a curve whose input does not increase or decrease over a whole range.
 
     Raises:
         InputError: if the input turns back, or several branches intersect.
     """
-    what = "dead point" if found.dead_points else "branch point" if found.branch_points else ""
-    if what or not found.moving.all():
-        at = [*(u for u, _ in found.dead_points), *(b.u for b in found.branch_points)]
-        raise InputError(f"{found.drive!r} reaches a {what or 'dead point'} at {min(at, default=found.u[0]):.6g}: "
+    kind = "dead point" if curve.dead_points else "branch point" if curve.branch_points else ""
+    if kind or not curve.moving.all():
+        at = [*(u for u, _ in curve.dead_points), *(b.u for b in curve.branch_points)]
+        raise InputError(f"{curve.drive!r} reaches a {kind or 'dead point'} at {min(at, default=curve.u[0]):.6g}: "
                          "poses at equal inputs have no derivatives there")  # fmt: skip
-    if abs(found.u[-1] - span[1]) > COINCIDENT * (1 + abs(span[1])):
-        raise InputError(f"{found.drive!r} moves from {span[0]:.6g} only to {found.u[-1]:.6g}, not to {span[1]:.6g}")
+    if abs(curve.u[-1] - span[1]) > COINCIDENT * (1 + abs(span[1])):
+        raise InputError(f"{curve.drive!r} moves from {span[0]:.6g} only to {curve.u[-1]:.6g}, not to {span[1]:.6g}")

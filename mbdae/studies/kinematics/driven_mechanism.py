@@ -28,16 +28,16 @@ def driven_mechanism(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mecha
     """Return the mechanism with ``drive`` as its last driver, u(t) = t, after drivers that lock joints.
 
     Args:
-        mech: the mechanism; its other drivers are constant at their values at t = 0.
+        mech: the mechanism; further drivers are constant at their values at t = 0.
         drive: a joint of one coordinate, or a driver of the mechanism.
-        hold: joints of one coordinate to lock, with values; those of q when left out. Flexible bodies of which it names
-            no mode keep their shape in q.
+        hold: joints of one coordinate to lock, with values, by default those of q. Flexible bodies keep their shape in
+            q, unless one of their modes is named.
         q: configuration, (nq,).
 
     Raises:
         UnknownNameError: for a joint that does not exist.
-        InputError: for a joint of several coordinates, one that is both driven and locked, a value to lock it at that
-            is no finite number, or another driver whose table does not contain t = 0.
+        InputError: for a joint of several coordinates, a joint that is both driven and locked, a locked value that is
+            not a finite number, or a further driver whose table does not contain t = 0.
     """
     _check_closures(mech)
     drivers = {d.name: d for d in mech.drivers}
@@ -50,13 +50,13 @@ def driven_mechanism(mech: Mechanism, drive: str, hold: Hold, q: Array) -> Mecha
         target, driven = {"joint": drive}, (drive,)
         _coordinate(mech, drive, q)
     values |= dict.fromkeys(_default_modes(mech, {*values, *driven}))
-    others = [d for d in mech.drivers if d.name != drive and (d.joint or "") not in (drive, *values)]
+    further = [d for d in mech.drivers if d.name != drive and (d.joint or "") not in (drive, *values)]
     rows = [
-        Driver.model_validate({**_target(d), "motion": _constant_position(mech, d, q), "name": d.name}) for d in others
+        Driver.model_validate({**_target(d), "motion": _constant_position(mech, d, q), "name": d.name}) for d in further
     ]
     rows += [_locking_driver(mech, name, value, q, driven) for name, value in values.items()]
-    clock = {"kind": "polynomial", "coefficients": (0.0, 1.0)}
-    rows.append(Driver.model_validate({**target, "motion": clock, "name": f"drive {drive}"}))
+    identity = {"kind": "polynomial", "coefficients": (0.0, 1.0)}
+    rows.append(Driver.model_validate({**target, "motion": identity, "name": f"drive {drive}"}))
     closures = [c for c in mech.closures if not c.is_unilateral]
     return Mechanism(
         mech.model, closures, _without_friction(mech), drivers=rows, start=mech.start_values, title=mech.title
@@ -87,13 +87,13 @@ def _check_closures(mech: Mechanism) -> None:
 
 
 def _locking_driver(mech: Mechanism, name: str, value: float | None, q: Array, driven: tuple[str, ...]) -> Driver:
-    """Return the driver that locks a joint at a value, None for that of q, (nq,)."""
+    """Return the driver that locks a joint at a value, by default its value in q, (nq,)."""
     if name in driven:
         raise InputError(f"{name!r} is driven: it cannot be locked, too")
-    here = _coordinate(mech, name, q)
+    position = _coordinate(mech, name, q)
     if value is not None and not is_number(value):
         raise InputError(f"{name!r} is locked at a finite number in rad or m, got {value!r:.80}")
-    return Driver(joint=name, motion=here if value is None else float(value), name=f"hold {name}")
+    return Driver(joint=name, motion=position if value is None else float(value), name=f"hold {name}")
 
 
 def _without_friction(mech: Mechanism) -> list[Any]:
@@ -111,7 +111,7 @@ def _target(d: Driver) -> dict[str, Any]:
 
 
 def _constant_position(mech: Mechanism, d: Driver, q: Array) -> float:
-    """Return the position of a driver at t = 0; for a speed driver, which has none, that of q (nq,)."""
+    """Return the position of a driver at t = 0; for a speed driver, its position in q (nq,)."""
     if d.speed is None:
         if message := d.outside(0.0):
             raise InputError(f"{message}: it is locked at its value at t = 0")
@@ -123,8 +123,8 @@ def _constant_position(mech: Mechanism, d: Driver, q: Array) -> float:
 def input_at(driven: Mechanism, system: "Index2System", q: Array) -> float:
     """Return the input of a driven mechanism at a configuration."""
     any_value = 1.0 if driven.drivers[-1].frames else 0.0  # lengths are positive
-    given = driven.drivers[-1].follow(any_value)[0]
-    return given + float(system.closures(q, any_value)[0][-1])
+    prescribed = driven.drivers[-1].follow(any_value)[0]
+    return prescribed + float(system.closures(q, any_value)[0][-1])
 
 
 def single_velocity_joints(mech: Mechanism) -> list[str]:
@@ -143,8 +143,8 @@ def _coordinate(mech: Mechanism, name: str, q: Array) -> float:
 
 
 def require_one_dof(mech: Mechanism, system: "Index2System", q: Array, drive: str, hold: Iterable[str],
-                  opens: Sequence[str] = ()) -> None:  # fmt: skip
-    """Require one degree of freedom at a closed configuration q; messages name locked joints and omitted elements.
+                  omitted: Sequence[str] = ()) -> None:  # fmt: skip
+    """Require one degree of freedom at a closed configuration q; messages list locked joints and omitted elements.
 
     Raises:
         InputError: for no degree of freedom, too many (names joints to lock), a singular q, or a drive that cannot
@@ -157,7 +157,7 @@ def require_one_dof(mech: Mechanism, system: "Index2System", q: Array, drive: st
     left, sizes, right = np.linalg.svd(rows) if len(rows) else (np.eye(0), np.zeros(0), np.eye(system.nv))
     r = int(np.count_nonzero(sizes > RANK * sizes.max(initial=0.0)))
     Z = right[r:].T
-    k = int(np.count_nonzero(sizes > AMBIGUOUS_PIVOT * sizes.max(initial=0.0)))  # gaps of rounding are of second order
+    k = int(np.count_nonzero(sizes > AMBIGUOUS_PIVOT * sizes.max(initial=0.0)))  # small values may be rounding
     if k < min(rows.shape) and _is_singular(system, G, left[:, k:], right[k:].T):
         raise InputError("the closures lose rank in this pose, in which several branches intersect: start next to it")
     locked = ", ".join(hold)
@@ -166,9 +166,9 @@ def require_one_dof(mech: Mechanism, system: "Index2System", q: Array, drive: st
     if Z.shape[1] > 1:
         n = Z.shape[1] - 1
         names = joints_to_lock(mech, Z, e, n)
-        which = f"hold {n} joints besides {drive!r}" + (f", for instance {','.join(names)}" if names else "")
-        inactive = f" (inactive: {', '.join(opens)})" if opens else ""
-        raise InputError(f"{n + 1} degrees of freedom are left{inactive}: {which}")
+        advice = f"hold {n} joints besides {drive!r}" + (f", for instance {','.join(names)}" if names else "")
+        inactive = f" (inactive: {', '.join(omitted)})" if omitted else ""
+        raise InputError(f"{n + 1} degrees of freedom are left{inactive}: {advice}")
     tau = Z[:, 0]
     if abs(e @ tau) < RANK:
         gamma = system.gamma(q, columns * tau, u) / mech.row_scales
@@ -178,7 +178,7 @@ def require_one_dof(mech: Mechanism, system: "Index2System", q: Array, drive: st
 
 
 def _is_singular(system: "Index2System", G: Array, left: Array, Z: Array) -> bool:
-    """Return whether rows depend on each other in this pose only: their second derivative along Z (nv, k) is not 0."""
+    """Return whether rows are dependent in this pose only: their second derivative along Z (nv, k) is not 0."""
     for u in left.T:
         if np.abs(Z.T @ constraint_hessian(system, u) @ Z).max() > VISIBLE * np.abs(G).max(initial=1.0):
             return True
@@ -198,7 +198,7 @@ def constraint_hessian(system: "Index2System", left: Array) -> Array:
 
 
 def joints_to_lock(mech: Mechanism, Z: Array, e: Array, n: int) -> list[str]:
-    """Return n joints of one coordinate to lock so that only the drive can move; prismatic and actuated ones first."""
+    """Return n joints of one coordinate to lock so that only the drive can move, preferably prismatic and actuated."""
     along = Z.T @ e
     if not np.abs(along).max() > RANK:
         return []

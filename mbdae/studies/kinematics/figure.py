@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
     from .result import Kinematics
 
-CUTOFF = 50.0  # times the median rate: larger values near dead points are not drawn
-PARTS = ("q.", "v.", "a.")
+CUTOFF = 50.0  # multiple of the median above which values close to dead points are not drawn
+PREFIXES = ("q.", "v.", "a.")
 
 
 @fixed_layout
@@ -29,17 +29,17 @@ def curves(found: "Kinematics") -> "Figure":
     unit = {n: u for n, u in coordinate_units(found.mechanism).items() if n.startswith("q.") and u != "1"}
     moving = [n for n in unit if np.ptp(signals[n]) > COINCIDENT]
     kinds = list(dict.fromkeys(unit[n] for n in moving))
-    rows = [(part, kind) for part in PARTS for kind in kinds]
+    rows = [(prefix, kind) for prefix in PREFIXES for kind in kinds]
     extra = bool(found.output)
     figure = empty_figure(WIDTH, 1.35 * (len(rows) + extra) + 0.6)
     axes = np.atleast_1d(figure.subplots(len(rows) + extra, 1, sharex=True))
-    for ax, (part, kind) in zip(axes, rows, strict=False):
+    for ax, (prefix, kind) in zip(axes, rows, strict=False):
         names = [n for n in moving if unit[n] == kind]
         for i, name in enumerate(names):
-            per = {"q.": kind, "v.": f"{kind}/{found.unit}", "a.": f"{kind}/{found.unit}^2"}[part]
-            values = displayed(signals.get(part + name[2:], np.full(len(found.u), np.nan)), per)[0]
+            value_unit = {"q.": kind, "v.": f"{kind}/{found.unit}", "a.": f"{kind}/{found.unit}^2"}[prefix]
+            values = displayed(signals.get(prefix + name[2:], np.full(len(found.u), np.nan)), value_unit)[0]
             _curve(ax, found, values, escaped(name[2:]), i)
-        _label(ax, part, kind, found.unit)
+        _label(ax, prefix, kind, found.unit)
     if extra:
         _curve(axes[-1], found, np.degrees(found.transmission), "", 0)
         axes[-1].set_ylabel("transmission\n(deg)")
@@ -51,16 +51,16 @@ def curves(found: "Kinematics") -> "Figure":
     return figure
 
 
-def _label(ax: "Axes", part: str, kind: str, unit: str) -> None:
+def _label(ax: "Axes", prefix: str, kind: str, unit: str) -> None:
     """Label coordinates, rates or accelerations of a kind, over an input with a unit."""
     of_kind, of_input = (unit_name(x) for x in (kind, unit))
-    words, per = {
+    words, value_unit = {
         "q.": (QUANTITY_NAMES[kind], of_kind),
         "v.": ("rates", f"{of_kind}/{of_input}"),
         "a.": ("accelerations", f"{of_kind}/{of_input}$^2$"),
-    }[part]
-    ax.set_ylabel(f"{words}\n({per})")
-    if part == "q.":
+    }[prefix]
+    ax.set_ylabel(f"{words}\n({value_unit})")
+    if prefix == "q.":
         legend_right(ax, labelspacing=0.3)
 
 
@@ -79,5 +79,5 @@ def _curve(ax: "Axes", found: "Kinematics", values: np.ndarray, label: str, i: i
     values = np.where(np.abs(values) < SOLUTION_ROUNDING, 0.0, values)
     shown = np.where(np.abs(values) > limit, np.nan, values) if limit and found.dead_points else values
     style, u = curve_style(i) | {"color": COLOURS[i % len(COLOURS)]}, displayed(found.u, found.unit)[0]
-    for k, part in enumerate(found.monotonic_segments):
-        ax.plot(u[part], shown[part], label=label if k == 0 else None, **style)
+    for k, segment in enumerate(found.monotonic_segments):
+        ax.plot(u[segment], shown[segment], label=label if k == 0 else None, **style)

@@ -17,7 +17,7 @@ from ...units import quantity
 from .curve.branch_following import TracedCurve, is_same_point, other_branches
 from .curve.curve_sampling import branch_point_on_curve, events, sample
 from .curve.curve_tracing import follow
-from .curve.pose_curve import MAX_TRAVEL, BranchPoint, CurvePoint, PoseCurve
+from .curve.pose_curve import MAX_DISPLACEMENT, BranchPoint, CurvePoint, PoseCurve
 from .driven_mechanism import Hold, driven_mechanism, input_at, omitted_elements, require_one_dof
 from .result import CurveSegment, Kinematics
 from .transmission_angle import default_output, transmission
@@ -25,7 +25,7 @@ from .violations import curve_violations
 
 __all__ = ["kinematics"]
 
-INPUT_STEP = 0.1  # rad or characteristic lengths: from the start pose to the first value of the input
+INPUT_STEP = 0.1  # step of the input from the start pose to its first value, in rad or characteristic lengths
 
 
 def kinematics(
@@ -50,18 +50,18 @@ def kinematics(
     Source: Allgower, Georg, Introduction to Numerical Continuation Methods (2003).
 
     Args:
-        mech: the mechanism, or an argument of `mbdae.load`; drivers other than the drive are constant at their values
-            at t = 0.
+        mech: the mechanism, or an argument of `mbdae.load`; drivers except the drive are constant at their values at
+            t = 0.
         drive: the input: a joint of one coordinate, or a driver of the mechanism.
         span: the input's range in rad or m; the curve begins at its first value. When left out, it begins at the start
             pose, and the range is ``turns`` to both sides.
         turns: number of full turns, if no span is given.
         hold: joints to lock in place, or at given values: joint=value. One degree of freedom must remain for the
-            drive. Flexible bodies of which it names no mode are rigid.
+            drive. Flexible bodies are rigid, unless one of their modes is named.
         points: approximate number of poses.
         q: a pose on the requested branch, (nq,); the model's start when left out.
-        output_joint: the joint of the transmission angle. When left out, the only other one on the ground.
-        branches: also trace all other branches from branch points, within the range.
+        output_joint: the joint of the transmission angle; by default the second joint on the ground, if it is unique.
+        branches: also trace the remaining branches from branch points, within the range.
 
     Raises:
         UnknownNameError: for a joint that does not exist.
@@ -88,7 +88,7 @@ def kinematics(
     found = [TracedCurve(follow(curve, low, high), events(curve))]
     if branches:
         found += other_branches(found[0], low, high)
-    if curve.ended in ("long", "stuck"):
+    if curve.ended in ("limit", "failed"):
         raise StepError("newton", _unfinished(curve, drive, driven))
     if span is None and curve.ended == "range" and driven.row_units[-1] != "rad":
         raise InputError(f"{drive!r} slides without bound: give its range, span or --from and --to")
@@ -97,20 +97,19 @@ def kinematics(
 
 
 def _start_on_curve(driven: Mechanism, q: Array, span: tuple[float, float] | None) -> tuple[Array, float]:
-    """Return the closed configuration at which the curve begins, and the input there."""
+    """Return the closed configuration at which the curve begins, and its input."""
     system, no_joints = driven.system(), np.array([], int)
-    here = input_at(driven, system, q)
+    u_start = input_at(driven, system, q)
     if span is None:
-        return close_position(system, q, no_joints, here), here
-    listed = list(span) if isinstance(span, Iterable) else []
-    if not (len(listed) == 2 and all(is_number(u) for u in listed) and listed[0] != listed[1]):
+        return close_position(system, q, no_joints, u_start), u_start
+    limits = list(span) if isinstance(span, Iterable) else []
+    if not (len(limits) == 2 and all(is_number(u) for u in limits) and limits[0] != limits[1]):
         raise InputError(f"span is two different numbers, from and to, got {span!r:.60}")
-    if abs(listed[1] - listed[0]) < SMALLEST_PART * driven.row_scales[-1]:
+    if abs(limits[1] - limits[0]) < SMALLEST_PART * driven.row_scales[-1]:
         raise InputError(f"span is too short to trace a curve, got {span!r:.60}")
     first = float(span[0])
-    for u in np.linspace(here, first, int(abs(first - here) / (INPUT_STEP * driven.row_scales[-1])) + 2)[
-        1:
-    ]:  # in small steps, to stay on the branch
+    n_steps = int(abs(first - u_start) / (INPUT_STEP * driven.row_scales[-1])) + 1  # small steps stay on the branch
+    for u in np.linspace(u_start, first, n_steps + 1)[1:]:
         try:
             q = close_position(system, q, no_joints, float(u))
         except (AssemblyError, InputError) as e:
@@ -131,17 +130,17 @@ def _range(driven: Mechanism, u: float, span: tuple[float, float] | None, turns:
         return min(span), max(span)
     if not (is_number(turns) and turns > 0):
         raise InputError(f"turns must be a positive number, got {turns!r:.60}")
-    reach = 2 * np.pi * turns if driven.row_units[-1] == "rad" else MAX_TRAVEL * driven.row_scales[-1]
+    reach = 2 * np.pi * turns if driven.row_units[-1] == "rad" else MAX_DISPLACEMENT * driven.row_scales[-1]
     return u - reach, u + reach
 
 
 def _unfinished(curve: PoseCurve, drive: str, mech: Mechanism) -> str:
     at = curve.nodes[-1].u
-    if curve.ended == "stuck":
+    if curve.ended == "failed":
         return f"the curve over {drive!r} cannot be continued beyond {at:.9g}: a branch point or a corner"
-    travel = curve.travel()
-    if travel.max() > MAX_TRAVEL:
-        joint = mech.coordinate_joint(int(travel.argmax()))
+    displacement = curve.displacement()
+    if displacement.max() > MAX_DISPLACEMENT:
+        joint = mech.coordinate_joint(int(displacement.argmax()))
         return f"{joint!r} slides without bound as {drive!r} approaches {at:.4g}: give a span that ends before"
     return f"the curve over {drive!r} does not end within {len(curve.nodes)} steps, at {at:.6g}: give a span"
 
@@ -150,8 +149,8 @@ def _sampled(found: list[TracedCurve], n: int) -> tuple[list[CurvePoint], list[C
     """Return about n points of each curve, one after another, and the segments of the curves."""
     points: list[CurvePoint] = []
     segments: list[CurveSegment] = []
-    for curve, seen, start, end in found:
-        sampled = sample(curve, seen, n)
+    for curve, curve_events, start, end in found:
+        sampled = sample(curve, curve_events, n)
         sampled[:0] = [branch_point_on_curve(curve, start, curve.nodes[0], before=True)] if start else []
         sampled += [branch_point_on_curve(curve, end, curve.nodes[-1])] if end else []
         inputs = [p.u for p in sampled]
@@ -163,10 +162,10 @@ def _sampled(found: list[TracedCurve], n: int) -> tuple[list[CurvePoint], list[C
 def _branch_points(found: list[TracedCurve]) -> tuple[BranchPoint, ...]:
     """Return the branch points of all curves, each once."""
     out: list[BranchPoint] = []
-    for curve, seen, *_ in found:
-        out += [b for b in seen.branch_points.values() if not any(is_same_point(curve, b, c) for c in out)]
-    columns = found[0].curve.columns
-    return tuple(replace(b, directions=b.directions * columns) for b in out)
+    for curve, curve_events, *_ in found:
+        out += [b for b in curve_events.branch_points.values() if not any(is_same_point(curve, b, c) for c in out)]
+    scales = found[0].curve.scales
+    return tuple(replace(b, directions=b.directions * scales) for b in out)
 
 
 def _result(
@@ -184,7 +183,7 @@ def _result(
         np.array([getattr(p, name) for p in points])
         for name in ("tau", "q", "u", "s", "kappa", "speed", "input_curvature")
     )
-    tau *= curve.columns
+    tau *= curve.scales
     angles = np.full(len(q), np.nan)
     if output is not None:
         at_branch_point = np.array([p.sigma == 0 for p in points])
@@ -199,7 +198,7 @@ def _result(
         s=s,
         q=q,
         tangent=tau,
-        curvature=kappa * curve.columns,
+        curvature=kappa * curve.scales,
         speed=speed,
         input_curvature=input_curvature,
         transmission=angles,

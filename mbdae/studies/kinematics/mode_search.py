@@ -24,11 +24,11 @@ from .curve.pose_curve import PoseCurve
 if TYPE_CHECKING:
     from ...mechanism.formulations.index2 import Index2System
 
-HITS = 3  # hits of each mode by random starts
-MISS_PROBABILITY = 0.01  # probability of missing a mode that is as likely as the others
-MAX_OPEN_STARTS = 200  # after which the search is abandoned if none closes
+HITS = 3  # required hits of each mode by random starts
+MISS_PROBABILITY = 0.01  # probability of missing a mode that is as likely as those found
+MAX_OPEN_STARTS = 200  # number of starts after which the search is abandoned if none closes
 MODE_TOLERANCE = 100 * SAME_POSE  # distance of poses of one mode
-MAX_SINGULAR = 8  # as many singular modes are a continuum of poses: modes are points, and rarely double
+MAX_SINGULAR = 8  # number of singular modes that indicates a continuum of poses, since isolated modes rarely coincide
 
 
 @dataclass
@@ -81,7 +81,7 @@ class ModeSearch:
         self.widths = np.where(translation_components(driven.model), reach, np.pi)
 
     def run(self, most: int) -> "ModeSearch":
-        """Search from the given configuration, and from at most ``most`` random ones."""
+        """Search from the given configuration, and from at most ``most`` random configurations."""
         found = self._close(self.q0)
         if found is not None:
             self._register(found)
@@ -148,7 +148,7 @@ class ModeSearch:
         return next(same, None)
 
     def _register(self, q: Array) -> FoundMode:
-        """Return the mode with this pose; for a new one, also add all other modes on its circuit."""
+        """Return the mode with this pose; if it is new, add all modes of its circuit."""
         found = self._find(q)
         if found is not None:
             return found
@@ -171,36 +171,36 @@ class ModeSearch:
 
     def _unwrapped(self, q: Array) -> Array | None:
         """Return a pose with its full turns removed; None if couplings between joints do not allow that."""
-        near = self.curve.integrate(self.q0, self.curve.wrapped_difference(self.q0, q))
-        near = gauss_newton(self.system, near, np.arange(self.system.nv), self.u)
-        same = (
-            is_closed(self.system, near, self.u)
-            and np.abs(self.curve.wrapped_difference(near, q)).max() < MODE_TOLERANCE
+        pose = self.curve.integrate(self.q0, self.curve.wrapped_difference(self.q0, q))
+        pose = gauss_newton(self.system, pose, np.arange(self.system.nv), self.u)
+        is_same = (
+            is_closed(self.system, pose, self.u)
+            and np.abs(self.curve.wrapped_difference(pose, q)).max() < MODE_TOLERANCE
         )
-        return near if same else None
+        return pose if is_same else None
 
 
 def counting_coordinates(mech: Mechanism, system: "Index2System", u: float) -> Array:
-    """Return which coordinates follow from others by couplings, and are in no other row, (nv,): wheels, racks, cams.
+    """Return a mask of coordinates that depend on a coupling, and on no other row, (nv,): wheels, racks, cams.
 
     Args:
         mech: the mechanism with its drive.
-        system: a workspace of it.
+        system: a workspace of the mechanism.
         u: the input.
     """
     out = np.zeros(mech.nv, bool)
     q = mech.manifold.integrate(mech.coordinates({})[0], np.random.default_rng(0).uniform(-1, 1, mech.nv))
-    connects = system.closures(q, u)[1] != 0  # at any pose but a special one
-    left = {mech.rows_of(c.name)[0]: c for c in mech.closures if isinstance(c, CouplingClosure)}
+    incidence = system.closures(q, u)[1] != 0  # at a generic pose
+    remaining = {mech.rows_of(c.name)[0]: c for c in mech.closures if isinstance(c, CouplingClosure)}
     while True:
-        followed = {
+        dependent = {
             row: joint.idx_v
-            for row, c in left.items()
+            for row, c in remaining.items()
             for joint in find_joints(mech.model, c.joints if c.is_linear else c.joints[:1])
-            if np.count_nonzero(connects[:, joint.idx_v]) == 1
+            if np.count_nonzero(incidence[:, joint.idx_v]) == 1
         }
-        if not followed:
+        if not dependent:
             return out
-        for row, column in followed.items():
-            out[column], connects[row] = True, False
-            del left[row]
+        for row, column in dependent.items():
+            out[column], incidence[row] = True, False
+            del remaining[row]

@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 ENDS = {
     "range": "to the end of the range",
     "closed": "back to its first pose",
-    "stuck": "to a pose beyond which it cannot be continued",
+    "failed": "to a pose beyond which it cannot be continued",
+    "limit": "to the limit of steps or displacements",
     "branch": "to an earlier curve",
 }
 
@@ -54,7 +55,7 @@ class Kinematics(Tabular):
         drive: name of the input u.
         locked: names of the locked joints.
         output: joint of the transmission angle; empty for none.
-        unit: of the input, ``"rad"`` or ``"m"``.
+        unit: unit of the input, ``"rad"`` or ``"m"``.
         u: input, (n,).
         s: arclength along each curve in rad and characteristic lengths, (n,), see `Mechanism.characteristic_length`.
         q: configurations, (n, nq).
@@ -66,8 +67,8 @@ class Kinematics(Tabular):
         dead_points: input and configuration where the drive reverses.
         branch_points: poses in which several branches intersect.
         segments: segments of the curves in order; one without ``branches``.
-        hidden: inputs near which more than two branches intersect, and the curve continues straight.
-        violations: violations of stops, ropes, contacts and clutches, which do not act, over the input.
+        hidden: inputs close to which more than two branches intersect, and the curve continues straight.
+        violations: violations of stops, ropes, contacts and clutches, which exert no forces, over the input.
         traced: the curves between the poses.
         listed: whether the text lists toggle positions.
     """
@@ -112,7 +113,7 @@ class Kinematics(Tabular):
             return np.where(self.moving[:, None], along / (self.speed**2)[:, None], np.nan)
 
     def ratio(self, joint: str) -> Array:
-        """Return the velocity of a joint of one coordinate per unit speed of the drive, (n,); nan at dead points."""
+        """Return the velocity ratio of a joint of one coordinate to the drive, (n,); nan at dead points."""
         if f"v.{joint}" not in self.velocity_names:
             raise UnknownNameError("joint", joint, [n[2:] for n in self.velocity_names])
         return self.rates[:, self.velocity_names.index(f"v.{joint}")]
@@ -138,8 +139,8 @@ class Kinematics(Tabular):
         """Return the toggle positions as text, headings first, with reversing joints, the input and all coordinates."""
         found, ends = self.toggles, (CurveSegment(0, len(self.toggles), 0.0, 0.0, "range"),)
         q, v = (np.array([getattr(t, name) for t in found]) for name in "qv")
-        only = replace(self, q=q, tangent=v, curvature=0 * v, s=np.arange(len(q)) * 1.0, segments=ends)
-        columns = coordinates(only.run()) if found else {}
+        poses = replace(self, q=q, tangent=v, curvature=0 * v, s=np.arange(len(q)) * 1.0, segments=ends)
+        columns = coordinates(poses.run()) if found else {}
         values = {n: x for n, x in columns.items() if n.startswith("q.")}
         return toggle_table(found, values, self.drive, self.unit, coordinate_units(self.mechanism))
 
@@ -232,7 +233,7 @@ class Kinematics(Tabular):
         return "1" if out == self.unit else f"{self.unit}/{out}"
 
     def _input(self, u: float) -> float:
-        """Return an input in the unit in which it is shown, 0 if it is rounding."""
+        """Return an input in display units, 0 if it is rounding."""
         return float(displayed(rounded_zero(u), self.unit)[0])
 
     def to_dict(self) -> JsonObject:
@@ -290,9 +291,8 @@ class Kinematics(Tabular):
         for b in self.branch_points:
             at = round(self._input(b.u), 12) + 0.0
             lines.append(f"  branch point at {at:.12g}: {2 * len(b.directions)} branch directions")
-        for u in self.hidden:
-            near = round(self._input(u), 6) + 0.0
-            lines.append(f"  more than two branches intersect near {near:.6g}: the curve continues straight")
+        hidden = (round(self._input(u), 6) + 0.0 for u in self.hidden)
+        lines += [f"  more than two branches intersect near {u:.6g}: the curve continues straight" for u in hidden]
         lines += violation_lines(self.violations, self.drive, self.unit)
         if self.output and np.isfinite(self.transmission).any():
             low, high = (np.degrees(f(self.transmission)).round(6) for f in (np.nanmin, np.nanmax))

@@ -32,7 +32,7 @@ def transmission(
 
     Args:
         mech: the mechanism.
-        system: a workspace of it with the driver as the last row.
+        system: a workspace of the mechanism with the driver as the last row.
         q: configurations, (n, nq).
         tangent: tangents of the curve, (n, nv).
         at_branch_point: mask of the branch points, for which the angle is nan, (n,).

@@ -1,4 +1,4 @@
-"""Unilateral constraints that a prescribed motion violates, and clutches that it reverses: neither acts on it."""
+"""Violations of unilateral constraints and one-way clutches by a prescribed motion, on which they exert no force."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -17,18 +17,18 @@ from ...tolerances import CLOSED, HALF_DIGITS, VISIBLE
 from ...units import displayed, quantity, unit_name
 from .curve.pose_curve import PoseCurve
 
-CONSISTENT = 1e-2  # fraction of the cubic's depth: largest difference to the depth on the curve
-NEWTON_STEPS = 5  # from a root of the cubic
-LISTED = 4  # intervals of one constraint in a text
+CONSISTENT = 1e-2  # largest relative difference of the depths of the cubic and of the curve
+NEWTON_STEPS = 5  # number of Newton steps from a root of the cubic
+LISTED = 4  # number of intervals of one constraint in a text
 
 
 class Violation(NamedTuple):
     """Interval in which a prescribed motion violates a stop, unilateral closure or clutch, or stays in contact.
 
     Attributes:
-        name: of the stop, closure or clutch.
-        first: its start, on the abscissa of the motion.
-        last: its end.
+        name: name of the stop, closure or clutch.
+        first: start of the interval, on the abscissa of the motion.
+        last: end of the interval.
         most: largest violation, in the unit of the row; 0 in contact, where the force is not determined by the motion.
         unit: ``"rad"`` or ``"m"``.
     """
@@ -43,8 +43,7 @@ class Violation(NamedTuple):
 def unilateral_violations(mech: Mechanism, x: Array, q: Array, rates: Array, over: Array) -> tuple[Violation, ...]:
     """Return the intervals in which a motion violates unilateral constraints or reverses one-way clutches.
 
-    Gaps are interpolated by cubics, the travel of clutches back from their limits linearly; the intervals end at the
-    roots.
+    Gaps are interpolated by cubics, reverse rotations of clutches linearly; intervals end at the roots.
 
     Args:
         mech: the mechanism.
@@ -64,8 +63,8 @@ def curve_violations(mech: Mechanism, curve: PoseCurve) -> tuple[Violation, ...]
     def gap(switch: Switch, s: float, cubic: float) -> float:
         i = int(np.clip(np.searchsorted(x, s, side="right") - 1, 0, len(x) - 2))
         with suppress(StepError):
-            here = curve.at(i, s - x[i])
-            found = switch.margins(_margins_data(all_rows, [s], [here.q], [here.tau * curve.columns]))
+            point = curve.at(i, s - x[i])
+            found = switch.margins(_margins_data(all_rows, [s], [point.q], [point.tau * curve.scales]))
             if found and abs(found[0][0] + cubic) < CONSISTENT * cubic:  # not a margin relative to an earlier pose
                 return float(-found[0][0])
         return cubic
@@ -74,19 +73,19 @@ def curve_violations(mech: Mechanism, curve: PoseCurve) -> tuple[Violation, ...]
         if s in (x[0], x[-1]):
             return nodes[0 if s == x[0] else -1].u
         i = int(np.clip(np.searchsorted(x, s, side="right") - 1, 0, len(x) - 2))
-        here = curve.at(i, s - x[i], roughly=True)
+        point = curve.at(i, s - x[i], predictor_only=True)
         with suppress(StepError):  # near a branch point use the cubic
             for _ in range(NEWTON_STEPS):
-                here = curve.at(i, s - x[i])
-                motion = _margins_data(all_rows, [s], [here.q], [here.tau * curve.columns])
+                point = curve.at(i, s - x[i])
+                motion = _margins_data(all_rows, [s], [point.q], [point.tau * curve.scales])
                 value, rate = switch.margins(motion) or (np.zeros(1), None)
                 if rate is None or not abs(rate[0]) > HALF_DIGITS * mech.row_scales[switch.row]:
                     break
                 s = float(np.clip(s - value[0] / rate[0], x[i], x[i + 1]))
-        return here.u
+        return point.u
 
     return _violations(
-        mech, x, np.array([p.q for p in nodes]), np.array([p.tau * curve.columns for p in nodes]), abscissa, gap
+        mech, x, np.array([p.q for p in nodes]), np.array([p.tau * curve.scales for p in nodes]), abscissa, gap
     )
 
 
@@ -107,10 +106,10 @@ def _violations(
         value, rate = found
         unit = float(mech.row_scales[switch.row])
         intervals = negative_intervals(x, value / unit, None if rate is None else rate / unit)
-        found_here = [(first, last, gap(switch, at, most * unit)) for first, last, most, at in intervals]
+        entries = [(first, last, gap(switch, at, most * unit)) for first, last, most, at in intervals]
         if rate is not None:
-            found_here += [(*ends, 0.0) for ends in contact_intervals(x, value / unit)]
-        for first, last, most in sorted(found_here):
+            entries += [(*ends, 0.0) for ends in contact_intervals(x, value / unit)]
+        for first, last, most in sorted(entries):
             ends = to_abscissa(switch, first), to_abscissa(switch, last)
             out.append(Violation(switch.name, *ends, most, str(mech.row_units[switch.row])))
     return tuple(out)
@@ -134,8 +133,8 @@ def negative_intervals(x: Array, value: Array, rate: Array | None) -> list[tuple
 
     Args:
         x: abscissa, increasing, (n,).
-        value: of the function, (n,).
-        rate: its derivative, (n,); when left out, the function is piecewise linear.
+        value: values of the function, (n,).
+        rate: derivative of the function, (n,); when left out, the function is piecewise linear.
     """
     if len(x) < 2:
         return [(float(x[0]), float(x[0]), float(-value[0]), float(x[0]))] if value.min(initial=0.0) < -VISIBLE else []
@@ -158,17 +157,17 @@ def negative_intervals(x: Array, value: Array, rate: Array | None) -> list[tuple
 
 
 def violation_lines(found: Sequence[Violation], over: str, unit: str) -> list[str]:
-    """Return a line for each violated constraint, and for each that is in contact."""
+    """Return a line for each constraint that is violated or in contact."""
     out = []
-    for name, touches in dict.fromkeys((p.name, not p.most) for p in found):
-        intervals = [p for p in found if (p.name, not p.most) == (name, touches)]
+    for name, in_contact in dict.fromkeys((p.name, not p.most) for p in found):
+        intervals = [p for p in found if (p.name, not p.most) == (name, in_contact)]
         values = ([displayed(x, unit)[0] for x in (p.first, p.last)] for p in intervals[:LISTED])
         where = ", ".join(f"{_shown(first)} to {_shown(last)}" for first, last in values)
         more = f" and {len(intervals) - LISTED} times more" if len(intervals) > LISTED else ""
         most = max(p.most for p in intervals)
-        how = f"violates {name!r}, which does not act, by up to {quantity(most, intervals[0].unit, '.4g')}"
-        how = f"is in contact with {name!r}, which exerts no force here" if touches else how
-        out.append(f"  {how}: {over} = {where}{more} {unit_name(unit)}")
+        text = f"violates {name!r}, which does not act, by up to {quantity(most, intervals[0].unit, '.4g')}"
+        text = f"is in contact with {name!r}, which exerts no force here" if in_contact else text
+        out.append(f"  {text}: {over} = {where}{more} {unit_name(unit)}")
     return out
 
 

@@ -17,15 +17,15 @@ def slider(kind: str, name: str, unit: str, value: float, low: float, high: floa
     """Return meshcat's command for a slider, which sends its value in SI.
 
     Args:
-        kind: key of its orders: ``"input"``, ``"joint"`` or ``"parameter"``.
-        name: of the input, joint or parameter.
-        unit: in SI; "" if unknown.
-        value: in SI.
+        kind: key of its requests: ``"input"``, ``"joint"`` or ``"parameter"``.
+        name: name of the input, joint or parameter.
+        unit: SI unit; "" if unknown.
+        value: current value in SI.
         low: smallest value in SI.
         high: largest value in SI.
     """
-    one = displayed_units().factor(unit).apply(1.0)
-    si = "value" if one == 1.0 else f"value: {one!r} * value"
+    factor = displayed_units().factor(unit).apply(1.0)
+    si = "value" if factor == 1.0 else f"value: {factor!r} * value"
     value, low, high = (float(displayed(x, unit)[0]) for x in (value, low, high))
     return {
         "type": "set_control",

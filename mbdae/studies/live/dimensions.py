@@ -20,7 +20,7 @@ from ..replay.threejs import node_path, set_property
 from ..view.sliders import independent
 from .controls import checked_ranges, slider
 
-POSES = 121  # poses of a path
+POSES = 121  # number of poses of a path
 
 
 class Dimensions:
@@ -29,12 +29,12 @@ class Dimensions:
     Args:
         mechanism: the mechanism, read from files if there are parameters.
         ranges: (low, high) of the sliders of parameters, by dotted name.
-        traces: names of frames whose paths are drawn: over the first free coordinate, the others at rest.
+        traces: names of frames whose paths are drawn over the first free coordinate, with the remaining ones locked.
 
     Attributes:
-        mechanism: the mechanism with the present values; drawn by its dimensions, since meshes would not follow them.
-        values: of the parameters, by name.
-        units: of the parameters, by name; "" if unknown.
+        mechanism: the mechanism with the current values, without meshes, which do not depend on parameters.
+        values: values of the parameters, by name.
+        units: units of the parameters, by name; "" if unknown.
 
     Raises:
         UnknownNameError: for an unknown parameter or frame.
@@ -53,31 +53,31 @@ class Dimensions:
             self.units = {name: parameter_unit(self._make, name) for name in ranges}
             self.mechanism = self._make.make(self.values)
 
-    def check(self, order: Mapping[str, Any]) -> None:
+    def check(self, request: Mapping[str, Any]) -> None:
         """Require a known parameter.
 
         Raises:
             UnknownNameError: lists the parameters.
         """
-        if "parameter" in order and order["parameter"] not in self.values:
-            raise UnknownNameError("parameter with a slider", order["parameter"], self.values)
+        if "parameter" in request and request["parameter"] not in self.values:
+            raise UnknownNameError("parameter with a slider", request["parameter"], self.values)
 
     def change(self, name: str, value: float, q: Array, v: Array) -> tuple[Array, Array]:
-        """Give a parameter another value; return the nearest consistent state, with the same free coordinates.
+        """Set a parameter; return the nearest consistent state, with the same free coordinates.
 
         Args:
-            name: of the parameter.
-            value: its value.
-            q: configuration (nq,) now.
-            v: velocity (nv,) now.
+            name: name of the parameter.
+            value: new value of the parameter.
+            q: current configuration, (nq,).
+            v: current velocity, (nv,).
 
         Raises:
             AssemblyError: if the loops cannot be closed with this value.
             InputError: for an invalid value.
         """
-        before, values = self.mechanism, {**self.values, name: float(value)}
+        previous, values = self.mechanism, {**self.values, name: float(value)}
         mech = self._make.make(values)
-        names = independent(before, before.system(), q)
+        names = independent(previous, previous.system(), q)
         fixed = np.array([find_joint(mech.model, joint).idx_v for joint in names], int)
         q = close_position(mech.system(), q, fixed, 0.0)
         q, v = mech.assemble(q, v)
@@ -100,8 +100,8 @@ class Dimensions:
         for i, (name, points) in enumerate(points_of.items()):
             yield from path_commands(node_path(f"path {name}"), points, COLOURS[i % len(COLOURS)], TRACE * extent)
 
-    def drawn(self, q: Array, extent: float) -> tuple[list[dict[str, Any]], str]:
-        """Return the commands of `paths`, or those that hide the paths, and the reason."""
+    def paths_or_reason(self, q: Array, extent: float) -> tuple[list[dict[str, Any]], str]:
+        """Return the commands of `paths`, or commands that hide the paths and the reason."""
         try:
             return list(self.paths(q, extent)), ""
         except MbdaeError as e:
@@ -115,7 +115,7 @@ class Dimensions:
 
 
 def require_within(dimensions: Dimensions) -> None:
-    """Require present values within the ranges of their sliders.
+    """Require current values within the ranges of their sliders.
 
     Raises:
         InputError: names the parameter.
@@ -124,5 +124,5 @@ def require_within(dimensions: Dimensions) -> None:
         if not low <= dimensions.values[name] <= high:
             unit = dimensions.units.get(name, "")
             value, low, high = (displayed(x, unit)[0] for x in (dimensions.values[name], low, high))
-            of = f" {unit_name(unit)}" if unit else ""
-            raise InputError(f"{name} = {value:g}{of} is outside of its range, {low:g} to {high:g}{of}")
+            suffix = f" {unit_name(unit)}" if unit else ""
+            raise InputError(f"{name} = {value:g}{suffix} is outside of its range, {low:g} to {high:g}{suffix}")

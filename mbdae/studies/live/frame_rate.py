@@ -1,14 +1,14 @@
-"""Real-time factor of a live view, and the rate at which its pages draw."""
+"""Real-time factor and frame rate of a live view."""
 
 from time import perf_counter
 
 PERIOD = 1.0  # s between measurements
-FEWEST_FRAMES = 25.0  # per second: a page that draws fewer draws coarsely
-PATIENCE = 3  # successive periods with fewer frames, since a page that loads is slow, too
+FEWEST_FRAMES = 25.0  # frames per second below which a page draws fewer triangles and pixels
+PATIENCE = 3  # number of successive slow periods, since a page is also slow while it loads
 
 
 class FrameRate:
-    """Seconds of motion, and frames drawn by pages, per second.
+    """Measurement of simulated seconds per second and frames per second.
 
     Args:
         t: simulated time in s.

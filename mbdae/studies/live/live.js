@@ -1,4 +1,4 @@
-// Meshcat's page of a live view: state of the simulation, and bodies that the pointer pulls.
+// Script of a live view in meshcat's page: shows the state of the simulation, and pulls bodies with the pointer.
 "use strict";
 
 const live = (() => {
@@ -6,21 +6,21 @@ const live = (() => {
   const send = message => { if (socket.readyState === 1) socket.send(JSON.stringify(message)); };
   const state = document.body.appendChild(document.createElement("div")), page = {send, frames: 0, state: {}};
   state.style.cssText = "position: absolute; left: 16px; top: 12px; right: 340px; font: 14px system-ui, sans-serif; color: #24292f; white-space: pre-line; pointer-events: none";
-  const say = (text, wrong) => {
+  const showText = (text, failed) => {
     state.textContent = text;
-    state.style.color = wrong ? "#a40e26" : "#24292f";
+    state.style.color = failed ? "#a40e26" : "#24292f";
   };
   socket.onmessage = ({data}) => {
     page.state = JSON.parse(data);
     if (page.state.camera && !page.frames) aimCamera(page.state.camera);
-    say(page.state.text, page.state.wrong);
+    showText(page.state.text, page.state.wrong);
     if (page.state.coarse && !page.coarse) drawCoarsely();
     requestAnimationFrame(() => {  // the viewer has drawn it by the next frame
       page.frames++;
       send({frame: page.state.frame});
     });
   };
-  socket.onclose = () => say(`${page.state.text || ""}\nThe live view has ended.`, true);
+  socket.onclose = () => showText(`${page.state.text || ""}\nThe live view has ended.`, true);
   viewer.gui.open();
   viewer.gui.__folders.Scene.close();
   viewer.gui.width = 320;

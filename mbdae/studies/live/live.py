@@ -1,4 +1,4 @@
-"""A simulated mechanism in a browser, in real time: sliders for inputs, joints, lengths; points are pulled."""
+"""Real-time simulation of a mechanism in a browser, with sliders for inputs, joints and lengths, and pulled points."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -49,20 +49,20 @@ def live(
         step: fixed step in s; controlled if omitted.
         rtol: relative tolerance of controlled steps; 1e-6 if omitted.
         speed: seconds of motion per second.
-        fps: frames per second at most.
-        ranges: (low, high) of sliders, by the name of an input or joint; limits of joints, or wide ones if omitted.
+        fps: maximum number of frames per second.
+        ranges: (low, high) of sliders, by the name of an input or joint; by default limits of joints, or wide ranges.
         parameters: (low, high) of sliders of parameters, by dotted name: ``{"frame.rod_tip.xyz.0": (0.2, 0.4)}``.
-        traces: frames whose paths are drawn, over the first free coordinate with the others at rest.
-        port: of the page; a free one from 7000 on if omitted.
-        paused: whether no time passes until it is started in the page.
-        shadows: whether bodies cast shadows, which takes time to draw.
-        record: whether all steps are kept for `LiveView.stop`; otherwise memory does not grow.
+        traces: frames whose paths are drawn over the first free coordinate, with the remaining ones locked.
+        port: port of the page; by default the first free port from 7000.
+        paused: whether the simulation is paused until it is started in the page.
+        shadows: whether bodies cast shadows, which slows drawing.
+        record: whether all steps are stored for `LiveView.stop`; if not, memory does not grow.
 
     Returns:
         The running view, with its ``url``; `LiveView.stop` ends it.
 
     Raises:
-        UnknownNameError: for an unknown method, parameter or frame, or a range of something unknown.
+        UnknownNameError: for an unknown method, parameter or frame, or a range with an unknown name.
         InputError: for wrong arguments, parameters of a mechanism that was not read from files, a start that cannot be
             simulated, or a port in use.
 

@@ -15,9 +15,9 @@ from ..replay.threejs import draw_commands, pose_commands, set_property
 if TYPE_CHECKING:
     from ...mechanism.scene.scene import Scene
 
-SUN_AT = np.array([0.2, -0.8, 2.8])  # from the mechanism, in extents
-CAMERA_AT = 0.6 * np.array([0.9, -0.9, 0.55])  # from the mechanism, in extents
-COARSE = 4000  # triangles
+SUN_AT = np.array([0.2, -0.8, 2.8])  # position relative to the mechanism, in extents
+CAMERA_AT = 0.6 * np.array([0.9, -0.9, 0.55])  # position relative to the mechanism, in extents
+COARSE = 4000  # number of triangles of coarse bodies
 PULL = Drawable("pull", primitive("cylinder", (1.0, 1.0)), rgba=(0.76, 0.09, 0.36, 1.0), style="mark")
 
 
@@ -25,12 +25,12 @@ class LiveScene:
     """The drawables of a mechanism, and a line from a pulled point to its target.
 
     Args:
-        scene: of the mechanism.
+        scene: scene of the mechanism.
         q: configuration (nq,) at the start, from which the camera is chosen.
         shadows: whether bodies cast shadows.
 
     Attributes:
-        bodies: the joint that carries each drawable, by name; without those between two joints, and without fixed ones.
+        bodies: the supporting joint of each drawable, by name; without fixed drawables and those between two joints.
         camera: position and target in m.
         coarse: whether bodies are drawn with fewer triangles, see `coarsen`.
     """
@@ -40,7 +40,7 @@ class LiveScene:
         self.drawables = drawables(self.scene)
         self.box, self.extent = bounds(self.scene, q[None]), VisiblePoints(self.scene, q[None]).visible().extent
         joints = self.scene.carriers
-        self._resting = {d.name for d, on in zip(self.drawables, joints, strict=False) if on == (0,)}
+        self._fixed = {d.name for d, on in zip(self.drawables, joints, strict=False) if on == (0,)}
         self._start = motions(self.scene, q[None])
         carriers = zip(self.drawables, self.scene.carriers, strict=False)
         self.bodies = {d.name: joints[0] for d, joints in carriers if len(joints) == 1 and joints[0]}
@@ -56,17 +56,17 @@ class LiveScene:
         level = ground_levels(self.box, self.extent, self.scene.ground)["top"]
         yield set_property(GROUND, "position", [*self.box.mean(axis=0)[:2].tolist(), level])
         yield from draw_commands([*(d for d in self.drawables if d.style != "closure"), PULL])
-        yield from self._placed_resting()
+        yield from self._place_fixed()
 
-    def redrawn(self) -> Iterator[dict[str, Any]]:
+    def redraw(self) -> Iterator[dict[str, Any]]:
         """Yield the commands that draw all bodies again, for other dimensions."""
         yield from draw_commands([d for d in self.drawables if d.style != "closure"])
-        yield from self._placed_resting()
+        yield from self._place_fixed()
 
-    def _placed_resting(self) -> Iterator[dict[str, Any]]:
+    def _place_fixed(self) -> Iterator[dict[str, Any]]:
         """Yield the commands that place the drawables that do not move."""
-        resting = [(d, m) for d, m in zip(self.drawables, self._start, strict=True) if d.name in self._resting]
-        yield from pose_commands([d for d, _ in resting], [motion for _, motion in resting])
+        fixed = [(d, m) for d, m in zip(self.drawables, self._start, strict=True) if d.name in self._fixed]
+        yield from pose_commands([d for d, _ in fixed], [motion for _, motion in fixed])
 
     def coarsen(self) -> Iterator[dict[str, Any]]:
         """Yield the commands that draw the bodies with fewer triangles, for a page that is slow."""
@@ -76,15 +76,15 @@ class LiveScene:
     def frame(self, q: Array, line: Array | None) -> Iterator[dict[str, Any]]:
         """Yield the commands that move the scene to q (nq,), and a line (2, 3) if a point is pulled."""
         moved = zip(self.drawables, motions(self.scene, q[None]), strict=True)
-        shown = [(d, motion) for d, motion in moved if d.style != "closure" and d.name not in self._resting]
+        shown = [(d, motion) for d, motion in moved if d.style != "closure" and d.name not in self._fixed]
         yield from pose_commands([d for d, _ in shown], [motion for _, motion in shown])
         yield set_property("/mechanism/pull", "visible", line is not None)
         if line is not None:
-            way, width = line[1] - line[0], 0.5 * self.scene.width
-            scale = np.array([[width, width, max(float(np.linalg.norm(way)), width)]])
+            vector, width = line[1] - line[0], 0.5 * self.scene.width
+            scale = np.array([[width, width, max(float(np.linalg.norm(vector)), width)]])
             motion = {
                 "position": Track(line.mean(axis=0)[None]),
-                "rotation": Track(aligned_quaternions(way[None])),
+                "rotation": Track(aligned_quaternions(vector[None])),
                 "scale": Track(scale),
             }
             yield from pose_commands([PULL], [motion])

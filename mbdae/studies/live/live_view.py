@@ -1,4 +1,4 @@
-"""A simulated mechanism in a browser, in real time, until it is stopped."""
+"""A running live view: the thread that simulates a mechanism in real time and draws it in a browser."""
 
 import atexit
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,13 +22,13 @@ from .pulls import Pulls
 if TYPE_CHECKING:
     from ...solution.solution import Solution
 
-YIELD = 0.002  # s between frames
-LATE = 0.25  # s behind real time, after which the view is slower than real time
-NOTICED = 0.1  # deviation from real time that is shown
+YIELD = 0.002  # s, shortest wait between frames
+LATE = 0.25  # s behind real time, after which the delay is not made up
+NOTICED = 0.1  # deviation of the real-time factor from 1 that is shown
 
 
 class ViewSettings(NamedTuple):
-    """Settings of a live view, see `mbdae.live`; ``solver`` are those of its steps."""
+    """Settings of a live view, see `mbdae.live`; ``solver`` has the arguments of the simulator."""
 
     speed: float
     fps: float
@@ -41,34 +41,34 @@ class ViewSettings(NamedTuple):
 
 
 class LiveView:
-    """A running live view; shown in notebooks, and a context that closes it.
+    """A running live view, displayed in notebooks; as a context manager it stops at the end.
 
     Attributes:
         url: address of the page.
         mechanism: the simulated mechanism, with the inputs of `mbdae.live`.
         playing: whether time passes.
         state: ``"running"``, ``"paused"``, or ``"stopped"`` after a failed step.
-        message: why it has stopped.
+        message: why the simulation has stopped.
         runs: the recorded solutions before the last reset or change of a parameter.
     """
 
     def __init__(self, dimensions: Dimensions, settings: ViewSettings) -> None:
         self._dimensions, self._settings = dimensions, settings
-        self._use(0.0, *dimensions.mechanism.start)
+        self._start_simulation(0.0, *dimensions.mechanism.start)
         self.state, self.message = "running" if settings.play else "paused", ""
         self.runs: list[Solution] = []
-        self._orders: SimpleQueue[dict[str, Any]] = SimpleQueue()
+        self._requests: SimpleQueue[dict[str, Any]] = SimpleQueue()
         self._stopping, self._rate = Event(), FrameRate(0.0)
         from .server import Server
 
-        self._server = Server(self._commands, self._orders.put, settings.port)
+        self._server = Server(self._commands, self._requests.put, settings.port)
         self.url = self._server.url
         self._thread = Thread(target=copy_context().run, args=(self._run,), name="simulator", daemon=True)
         self._thread.start()
         atexit.register(self.stop)  # the thread must not outlive the interpreter
 
-    def _use(self, t: float, q: Array, v: Array, s: Array | None = None) -> None:
-        """Simulate the mechanism with the present dimensions from a state on; a reset returns to it."""
+    def _start_simulation(self, t: float, q: Array, v: Array, s: Array | None = None) -> None:
+        """Start to simulate the mechanism with the current dimensions from a state, to which a reset returns."""
         mech, settings = self._dimensions.mechanism, self._settings
         self._pulls = Pulls(mech, q, settings.ranges)
         self.mechanism = self._pulls.mechanism
@@ -115,7 +115,7 @@ class LiveView:
             UnknownNameError: lists the inputs.
             InputError: for a value that is not a finite number.
         """
-        self._do({"parameter" if name in self._dimensions.values else "input": name, "value": value})
+        self._submit({"parameter" if name in self._dimensions.values else "input": name, "value": value})
 
     def move(self, joint: str, value: float | None) -> None:
         """Pull a joint to a value in rad or m by a spring; None releases it.
@@ -124,7 +124,7 @@ class LiveView:
             UnknownNameError: lists the joints with sliders.
             InputError: for a value that is not a finite number.
         """
-        self._do({"joint": joint, "value": value})
+        self._submit({"joint": joint, "value": value})
 
     def pull(self, frame: str, target: Sequence[float]) -> None:
         """Pull the origin of a frame to a point of the world in m, (3,), by a spring; `drop` releases it.
@@ -133,29 +133,29 @@ class LiveView:
             UnknownNameError: lists the frames.
             InputError: for a frame of the ground, or a target that is not three finite numbers.
         """
-        self._do({"frame": frame, "to": list(target)})
+        self._submit({"frame": frame, "to": list(target)})
 
     def drop(self) -> None:
         """Release the pulled point."""
-        self._do({"drop": True})
+        self._submit({"drop": True})
 
     def play(self, on: bool = True) -> None:
-        """Let time pass, or pause."""
-        self._do({"play": on})
+        """Continue or pause the simulation."""
+        self._submit({"play": on})
 
     def reset(self) -> None:
         """Return to the start; the run so far is added to ``runs``."""
-        self._do({"reset": True})
+        self._submit({"reset": True})
 
-    def _do(self, order: dict[str, Any]) -> None:
-        """Check an order, and leave it to the simulator's thread."""
+    def _submit(self, request: dict[str, Any]) -> None:
+        """Check a request, and queue it for the simulator's thread."""
         if self._stopping.is_set():
             raise InputError("the live view has ended")
-        self._check(order)
-        self._orders.put(order)
+        self._check(request)
+        self._requests.put(request)
 
     def stop(self) -> "Solution":
-        """End the view; return the recorded run. The page says that it has ended."""
+        """End the view, and return the recorded run; the page reports the end."""
         self._stopping.set()
         atexit.unregister(self.stop)
         self._thread.join()
@@ -184,11 +184,11 @@ class LiveView:
         fps, speed = self._settings.fps, self._settings.speed
         due = perf_counter()
         while not self._stopping.is_set():
-            self._obey()
+            self._process_requests()
             if self.playing:
                 self._advance(speed / fps)
             self._q = self._simulator.q
-            self._server.show(self._scene.frame(self._q, self._pulls.line), self._described())
+            self._server.show(self._scene.frame(self._q, self._pulls.line), self._page_state())
             due += 1 / fps
             now = perf_counter()
             due = now if now - due > LATE else due
@@ -198,7 +198,7 @@ class LiveView:
             self._stopping.wait(max(YIELD, due - now))  # the thread of the server needs time, too
 
     def _advance(self, dt: float) -> None:
-        """Advance in pieces during which the springs are constant."""
+        """Advance in substeps in which the spring forces are constant."""
         count = self._pulls.substeps(dt)
         try:
             for _ in range(count):
@@ -210,60 +210,60 @@ class LiveView:
             kind = "" if isinstance(e, MbdaeError) else f"{type(e).__name__}: "
             self.state, self.message = "stopped", f"{kind}{e}"
 
-    def _obey(self) -> None:
-        """Do what pages and callers have ordered since the last frame; of a dragged parameter the last value counts."""
-        orders: list[dict[str, Any]] = []
+    def _process_requests(self) -> None:
+        """Execute the requests since the last frame; of several values of a parameter only the last one."""
+        requests: list[dict[str, Any]] = []
         with suppress(Empty):
             while True:
-                orders.append(self._orders.get_nowait())
-        last = {x["parameter"]: i for i, x in enumerate(orders) if isinstance(x.get("parameter"), str)}
-        for i, order in enumerate(orders):
-            if last.get(order.get("parameter"), i) != i:
+                requests.append(self._requests.get_nowait())
+        last = {x["parameter"]: i for i, x in enumerate(requests) if isinstance(x.get("parameter"), str)}
+        for i, request in enumerate(requests):
+            if last.get(request.get("parameter"), i) != i:
                 continue
             try:
-                self._check(order)
-                self._act(order)
+                self._check(request)
+                self._execute(request)
             except (MbdaeError, TypeError, ValueError, KeyError) as e:  # a page may send anything
                 self.message = str(e)
 
-    def _check(self, order: Mapping[str, Any]) -> None:
-        self._dimensions.check(order)
-        self._pulls.check(order)
+    def _check(self, request: Mapping[str, Any]) -> None:
+        self._dimensions.check(request)
+        self._pulls.check(request)
 
-    def _act(self, order: dict[str, Any]) -> None:
-        if "play" in order:
-            playing = self.state != "running" if order["play"] is None else order["play"]
+    def _execute(self, request: dict[str, Any]) -> None:
+        if "play" in request:
+            playing = self.state != "running" if request["play"] is None else request["play"]
             if self.state != "stopped":
                 self.state, self.message = "running" if playing else "paused", ""
-        elif "reset" in order:
+        elif "reset" in request:
             self._reset()
-        elif "parameter" in order:
-            self._change(order["parameter"], order["value"])
+        elif "parameter" in request:
+            self._change(request["parameter"], request["value"])
         elif self.state != "stopped":
-            self._pulls.order(order, self._simulator, self._scene.bodies)
+            self._pulls.execute(request, self._simulator, self._scene.bodies)
 
     def _change(self, name: str, value: float) -> None:
-        """Go on with another value of a parameter; the run so far is kept, as by a reset."""
+        """Continue with a new value of a parameter; the run so far is added to ``runs``, as by a reset."""
         old, coarse = self._simulator, self._scene.coarse
         q, v = self._dimensions.change(name, value, old.q, old.v)
-        self._keep()
-        self._use(old.t, q, v, old.s)
-        paths, self.message = self._dimensions.drawn(q, self._scene.extent)
-        self._server.command(*(self._scene.coarsen() if coarse else self._scene.redrawn()), *paths)
+        self._store_run()
+        self._start_simulation(old.t, q, v, old.s)
+        paths, self.message = self._dimensions.paths_or_reason(q, self._scene.extent)
+        self._server.command(*(self._scene.coarsen() if coarse else self._scene.redraw()), *paths)
         self.state = "paused" if self.state == "stopped" else self.state
 
-    def _keep(self) -> None:
+    def _store_run(self) -> None:
         if self._settings.record and self.t != self._simulator.start:
             self.runs.append(self._simulator.solution())
 
     def _reset(self) -> None:
-        self._keep()
+        self._store_run()
         self._simulator.restore(self._start)
         self._pulls.release()
         self.state, self.message = "running" if self.state == "running" else "paused", ""
         self._server.command(*self._pulls.slider_values(self._simulator))
 
-    def _described(self) -> dict[str, Any]:
+    def _page_state(self) -> dict[str, Any]:
         """Return the state for the pages, as text and data."""
         text = f"{self.mechanism.title}\nt = {quantity(self.t, 's', '.2f')}"
         factor = self._rate.real_time_factor
@@ -277,6 +277,6 @@ class LiveView:
         """Yield the commands that draw the scene and the controls for a new page."""
         yield from self._scene.commands()
         yield from self._scene.frame(self._q, self._pulls.line)
-        yield from self._dimensions.drawn(self._q, self._scene.extent)[0]
+        yield from self._dimensions.paths_or_reason(self._q, self._scene.extent)[0]
         yield from self._pulls.controls(self._simulator)
         yield from self._dimensions.controls()

@@ -1,6 +1,6 @@
-"""Actions of a user on a live simulation: inputs are set, joints and a point are pulled by springs.
+"""Interaction of a user with a live simulation: inputs are set, joints and a point are pulled by springs.
 
-A spring acts through inputs of the mechanism, constant over pieces of an advance that are much shorter than its period.
+Spring forces are inputs of the mechanism, constant over substeps of an advance that are much shorter than the period.
 So the recorded run contains all actions, and `mbdae.solve` repeats it.
 """
 
@@ -26,9 +26,9 @@ from ...units import displayed
 from ..view.sliders import MAX_SLIDERS, independent, limits_of, value_of
 from .controls import checked_ranges, slider, slider_label
 
-FREQUENCY = 20.0  # frequency of the springs in rad/s, as of a hand
-PIECE = 0.1  # fraction of 1/FREQUENCY: longest time over which their forces are constant
-WIDE = 10.0  # half range of the slider of an input without one, or twice its value
+FREQUENCY = 20.0  # frequency of the springs in rad/s, similar to that of a hand
+SUBSTEP = 0.1  # longest time over which spring forces are constant, as a fraction of 1/FREQUENCY
+WIDE = 10.0  # smallest half range of the slider of an input without a given range; else twice its value
 AXES = "xyz"
 
 
@@ -45,7 +45,7 @@ class Pulls:
         line: the pulled point and its target (2, 3), or None.
 
     Raises:
-        UnknownNameError: for a range of something else than an input or a joint with a slider.
+        UnknownNameError: for a range whose name is not an input or a joint with a slider.
         InputError: for a range that is not two increasing numbers.
     """
 
@@ -68,59 +68,59 @@ class Pulls:
         self._to, self._acting = np.zeros(3), False
         self.line: Array | None = None
 
-    # -- orders ----------------------------------------------------------------------------------------------------
+    # -- requests --------------------------------------------------------------------------------------------------
 
-    def check(self, order: Mapping[str, Any]) -> None:
-        """Check an order of a page or a caller.
+    def check(self, request: Mapping[str, Any]) -> None:
+        """Check a request of a page or a caller.
 
         Raises:
             UnknownNameError: for an unknown input, joint or frame.
             InputError: for values that are not finite numbers.
         """
-        for key, what, known in (("input", "input", self.inputs), ("joint", "joint", self.joints)):
-            if key in order:
-                if order[key] not in known:
-                    raise UnknownNameError(what, order[key], known)
-                if key == "input" or order.get("value") is not None:
-                    _finite(f"{what} {order[key]!r}", order.get("value"))
-        self._check_points(order)
+        for key, known in (("input", self.inputs), ("joint", self.joints)):
+            if key in request:
+                if request[key] not in known:
+                    raise UnknownNameError(key, request[key], known)
+                if key == "input" or request.get("value") is not None:
+                    _require_finite(f"{key} {request[key]!r}", request.get("value"))
+        self._check_points(request)
 
-    def _check_points(self, order: Mapping[str, Any]) -> None:
-        if "frame" in order and not self._joint_of(order["frame"]):
+    def _check_points(self, request: Mapping[str, Any]) -> None:
+        if "frame" in request and not self._joint_of(request["frame"]):
             movable = [n for n in frame_names(self.mechanism.model) if self._joint_of(n)]
-            raise InputError(f"frame {order['frame']!r} is fixed and cannot be pulled; valid: {', '.join(movable)}")
-        for point in (order[key] for key in ("point", "to") if key in order):
+            raise InputError(f"frame {request['frame']!r} is fixed and cannot be pulled; valid: {', '.join(movable)}")
+        for point in (request[key] for key in ("point", "to") if key in request):
             if not isinstance(point, Sequence) or len(point) != len(AXES):
                 raise InputError(f"a point is three numbers in m, got {point!r}")
             for x in point:
-                _finite("a point", x)
+                _require_finite("a point", x)
 
-    def order(self, order: Mapping[str, Any], simulator: Simulator, drawables: Mapping[str, int]) -> None:
-        """Carry out an order; ``drawables`` are the joints that carry what is drawn, by name."""
-        if "input" in order:
-            simulator[order["input"]] = order["value"]
-        elif "joint" in order:
-            self._targets.pop(order["joint"], None)
-            if order["value"] is not None:
-                self._targets[order["joint"]] = float(order["value"])
-        elif "pull" in order:
-            if joint := drawables.get(order["pull"], 0):
-                self._take(joint, np.array(order["point"], float), simulator.q)
-        elif "frame" in order:
+    def execute(self, request: Mapping[str, Any], simulator: Simulator, drawables: Mapping[str, int]) -> None:
+        """Execute a request; ``drawables`` are the supporting joints of the drawn shapes, by name."""
+        if "input" in request:
+            simulator[request["input"]] = request["value"]
+        elif "joint" in request:
+            self._targets.pop(request["joint"], None)
+            if request["value"] is not None:
+                self._targets[request["joint"]] = float(request["value"])
+        elif "pull" in request:
+            if joint := drawables.get(request["pull"], 0):
+                self._grasp(joint, np.array(request["point"], float), simulator.q)
+        elif "frame" in request:
             q = simulator.q
-            joint = self._joint_of(order["frame"])
-            self._take(joint, self.mechanism.frame(q, order["frame"])[0], q)
-            self._to = np.array(order["to"], float)
-        elif "to" in order:
-            self._to = np.array(order["to"], float)
-        elif "drop" in order:
+            joint = self._joint_of(request["frame"])
+            self._grasp(joint, self.mechanism.frame(q, request["frame"])[0], q)
+            self._to = np.array(request["to"], float)
+        elif "to" in request:
+            self._to = np.array(request["to"], float)
+        elif "drop" in request:
             self._point = self.line = None
-        elif "release" in order:
+        elif "release" in request:
             self.release()
         else:
-            raise InputError(f"unknown order {json.dumps(order)[:60]}")
+            raise InputError(f"unknown order {json.dumps(request)[:60]}")
 
-    def _take(self, joint: int, point: Array, q: Array) -> None:
+    def _grasp(self, joint: int, point: Array, q: Array) -> None:
         self._point, self._to = PulledPoint(self.mechanism, joint, point, q), point
 
     def _joint_of(self, frame: str) -> int:
@@ -134,12 +134,12 @@ class Pulls:
     # -- springs ---------------------------------------------------------------------------------------------------
 
     def substeps(self, dt: float) -> int:
-        """Return into how many pieces an advance of dt in s is divided."""
+        """Return the number of substeps of an advance of dt in s."""
         active = self._targets or self._point or self._acting
-        return ceil(dt * FREQUENCY / PIECE) if active else 1
+        return ceil(dt * FREQUENCY / SUBSTEP) if active else 1
 
     def apply(self, simulator: Simulator) -> None:
-        """Set the inputs by the springs at the state now."""
+        """Set the inputs to the spring forces in the current state."""
         acting = bool(self._targets or self._point)
         if acting or self._acting:
             tau = self._tau(simulator.q, simulator.v) if acting else np.zeros(self.mechanism.nv)
@@ -148,16 +148,16 @@ class Pulls:
         self._acting = acting
 
     def _tau(self, q: Array, v: Array) -> Array:
-        """Return the forces of springs on joints, m (w^2 (target - q) - 2 w v), and of that on the point, (nv,)."""
+        """Return generalized forces (nv,) of the springs on joints, m (w^2 (target - q) - 2 w v), and on the point."""
         out = np.zeros(self.mechanism.nv)
         inertias = joint_inertias(self.mechanism, q) if self._targets else out
         for name, target in self._targets.items():
             joint = find_joint(self.mechanism.model, name)
-            off = target - value_of(q, joint)
+            error = target - value_of(q, joint)
             if joint.nq > 1:  # an angle without limits
-                off = (off + np.pi) % (2 * np.pi) - np.pi
+                error = (error + np.pi) % (2 * np.pi) - np.pi
             i = joint.idx_v
-            out[i] += inertias[i] * (FREQUENCY**2 * off - 2 * FREQUENCY * v[i])
+            out[i] += inertias[i] * (FREQUENCY**2 * error - 2 * FREQUENCY * v[i])
         if self._point is not None:
             found = self._point.pull(q, v, self._to, FREQUENCY)
             self.line = np.array([found.point, self._to])
@@ -168,8 +168,8 @@ class Pulls:
 
     def controls(self, simulator: Simulator) -> Iterator[dict[str, Any]]:
         """Yield meshcat's commands for buttons and sliders."""
-        for name, order in (("pause or play", {"play": None}), ("reset", {"reset": True})):
-            yield {"type": "set_control", "name": name, "callback": f"() => live.send({json.dumps(order)})"}
+        for name, request in (("pause or play", {"play": None}), ("reset", {"reset": True})):
+            yield {"type": "set_control", "name": name, "callback": f"() => live.send({json.dumps(request)})"}
         sliders = [("input", name, simulator[name]) for name in self.inputs]
         sliders += [("joint", name, self._targets.get(name, self._starts[name])) for name in self.joints]
         for kind, name, value in sliders:
@@ -182,7 +182,7 @@ class Pulls:
             }
 
     def slider_values(self, simulator: Simulator) -> Iterator[dict[str, Any]]:
-        """Yield meshcat's commands that set the sliders to the state now."""
+        """Yield meshcat's commands that set the sliders to the current state."""
         values = {name: simulator[name] for name in self.inputs}
         values |= self._starts
         for name, value in values.items():
@@ -212,13 +212,13 @@ def _default_ranges(
         half = max(WIDE, 2 * abs(given.value))
         out[name] = (-half, half)
     for name in joints:
-        here, limits = value_of(q, find_joint(mechanism.model, name)), limits_of(mechanism, name)
+        value, limits = value_of(q, find_joint(mechanism.model, name)), limits_of(mechanism, name)
         half = np.pi if _unit(mechanism, name) == "rad" else 0.5
-        low, high = (here - half, here + half) if limits is None else limits
+        low, high = (value - half, value + half) if limits is None else limits
         out[name] = (float(low), float(high))
     return out
 
 
-def _finite(what: str, value: object) -> None:
+def _require_finite(name: str, value: object) -> None:
     if not is_number(value):
-        raise InputError(f"{what} must be a finite number, got {value!r}")
+        raise InputError(f"{name} must be a finite number, got {value!r}")

@@ -18,8 +18,8 @@ import umsgpack
 from ...errors import InputError
 from ..replay.html_page import viewer_folder
 
-HERE = Path(__file__).parent
-BEHIND = 3  # frames that a page may not have drawn yet
+FOLDER = Path(__file__).parent
+BACKLOG = 3  # number of frames that a page may not have drawn yet
 FIRST_PORT, PORTS = 7000, 100
 
 
@@ -27,9 +27,9 @@ class Server:
     """Serves one scene to any number of pages, in a separate thread.
 
     Args:
-        scene: returns the commands that draw the scene now.
+        scene: returns the commands that draw the current scene.
         received: called with each message of a page, in the thread of the server.
-        port: of the page; a free one from 7000 on if omitted.
+        port: port of the page; by default the first free port from 7000.
 
     Attributes:
         url: address of the page.
@@ -62,7 +62,7 @@ class Server:
         asyncio.set_event_loop(self._loop)
         app = tornado.web.Application([
             (r"/static/(?:index[.]html)?", _Page),
-            (r"/static/(live[.]js)", tornado.web.StaticFileHandler, {"path": str(HERE)}),
+            (r"/static/(live[.]js)", tornado.web.StaticFileHandler, {"path": str(FOLDER)}),
             (r"/static/(.*)", tornado.web.StaticFileHandler, {"path": str(viewer_folder())}),
             (r"/", _Scene, {"server": self}),
             (r"/live", _Controls, {"server": self}),
@@ -84,8 +84,8 @@ class Server:
         self._loop.close()
 
     def show(self, commands: Iterable[Mapping[str, object]], state: Mapping[str, object]) -> bool:
-        """Send a frame to the pages; return whether they are ready for it, which slow ones are not."""
-        if self.pages and self.count - min(self.pages.values()) >= BEHIND:
+        """Send a frame to the pages; return False, without sending it, if a slow page has a backlog."""
+        if self.pages and self.count - min(self.pages.values()) >= BACKLOG:
             return False
         self.count += 1
         packed = [umsgpack.packb(command) for command in commands]
@@ -104,7 +104,7 @@ class Server:
             _write(page, state)
 
     def close(self) -> None:
-        """Stop serving; open pages say so."""
+        """Stop the server; open pages report it."""
         if self._loop.is_closed():
             return
 
@@ -163,14 +163,14 @@ class _Scene(tornado.websocket.WebSocketHandler):
         self.server.scenes.add(self)
 
     def on_message(self, message: str | bytes) -> None:
-        """Pictures, which the viewer sends on request, are not requested."""
+        """Ignore messages: the viewer sends only pictures, which are not requested."""
 
     def on_close(self) -> None:
         self.server.scenes.discard(self)
 
 
 class _Controls(tornado.websocket.WebSocketHandler):
-    """JSON: the state of the simulation to the page; inputs, buttons, dragged points and drawn frames from it."""
+    """JSON socket: sends the simulation state to a page; receives inputs, buttons, dragged points, drawn frames."""
 
     def initialize(self, server: Server) -> None:
         self.server = server

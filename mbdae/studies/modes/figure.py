@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MAX_TICKS = 16  # coordinates that are named on an axis
+MAX_TICKS = 16  # number of coordinates labelled on an axis
 ORDERS = (1, 2, 3)  # multiples of the speed in a Campbell diagram
 
 
@@ -58,7 +58,7 @@ def locus(found: RootLocus, campbell: bool) -> "Figure":
     axes = figure.subplots(2, 2)
     (real, plane), (hertz, unused) = axes
     unused.set_visible(False)
-    (roots, per), (values, unit) = displayed(found.eigenvalues, "1/s"), displayed(found.values, found.unit)
+    (roots, rate_unit), (values, unit) = displayed(found.eigenvalues, "1/s"), displayed(found.values, found.unit)
     for k, root in enumerate(roots.T):
         colour = {"color": COLOURS[k % len(COLOURS)]}
         real.plot(values, root.real, **colour)
@@ -73,12 +73,12 @@ def locus(found: RootLocus, campbell: bool) -> "Figure":
         for n in ORDERS:
             hertz.plot(values, n * np.abs(found.values) / (2 * np.pi), color="0.6", linestyle="--", linewidth=0.8)
         hertz.set_ylim(0, top)
-    real.set_ylabel(f"Re ({per})")
+    real.set_ylabel(f"Re ({rate_unit})")
     hertz.set_ylabel("|Im| / 2$\\pi$ (Hz)")
     for ax in (real, hertz):
         ax.set_xlabel(escaped(f"{found.name} ({unit})" if unit else found.name))
-    plane.set_xlabel(f"Re ({per})")
-    plane.set_ylabel(f"Im ({per})")
+    plane.set_xlabel(f"Re ({rate_unit})")
+    plane.set_ylabel(f"Im ({rate_unit})")
     figure.suptitle(escaped(found.model), fontsize=9)
     return figure
 

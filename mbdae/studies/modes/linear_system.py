@@ -1,4 +1,4 @@
-"""A mechanism as a linear system with inputs and outputs, for control."""
+"""Linearization of a mechanism as a system with inputs and outputs, for control."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -44,15 +44,15 @@ class LinearSystem(Tabular):
     """Result of `linearize`: z' = A z + B u, y = C z + D u, in perturbations of the operating point.
 
     Attributes:
-        title: of the mechanism.
-        A: (n, n).
-        B: (n, inputs).
-        C: (outputs, n).
-        D: (outputs, inputs).
-        inputs: names.
-        outputs: names.
+        title: title of the mechanism.
+        A: state matrix, (n, n).
+        B: input matrix, (n, inputs).
+        C: output matrix, (outputs, n).
+        D: feedthrough matrix, (outputs, inputs).
+        inputs: names of the inputs.
+        outputs: names of the outputs.
         motion: the linearized motion; its ``state`` returns z for changes of q, v and s.
-        units: of the gain from each input to each output, (outputs, inputs); "" if unknown or dimensionless.
+        units: units of the gains from each input to each output, (outputs, inputs); "" if unknown or dimensionless.
     """
 
     title: str
@@ -79,20 +79,20 @@ class LinearSystem(Tabular):
         numbers = as_numbers(omega)
         if numbers.ndim != 1 or not len(numbers) or not np.isfinite(numbers).all():
             raise InputError(f"a frequency response takes a list of frequencies, got {omega!r:.60}")
-        one = np.eye(len(self.A))
+        identity = np.eye(len(self.A))
         with np.errstate(invalid="ignore"):  # factors beyond integers, which are permutations in other calls only
             A, (d, _) = matrix_balance(self.A, permute=False, separate=True)  # scales positions and speeds
         B, C = self.B / d[:, None], self.C * d
         out = np.empty((len(numbers), *self.D.shape), complex)
         for k, w in enumerate(numbers):
             try:
-                out[k] = C @ np.linalg.solve(1j * w * one - A, B) + self.D
+                out[k] = C @ np.linalg.solve(1j * w * identity - A, B) + self.D
             except np.linalg.LinAlgError:
                 raise InputError(f"the response is infinite at {w:.6g} rad/s, an eigenvalue of the system") from None
         return out
 
     def band(self) -> Array:
-        """Return frequencies in Hz from a tenth of the lowest of the eigenvalues to ten times the highest, (k,)."""
+        """Return frequencies in Hz, from a tenth of the lowest eigenfrequency to ten times the highest, (k,)."""
         size = np.abs(spectrum(self.A, self.motion.noise).values)
         size = size[size > 0] if size.any() else np.array([2 * np.pi])
         return np.geomspace(size.min() / 10, size.max() * 10, N_FREQUENCIES) / (2 * np.pi)
@@ -151,11 +151,11 @@ def linearize(
 
     An input is the name of a joint (a torque on it in N m or N; ``joint.2`` for one of several coordinates), of a
     force whose value is a function of time (the voltage of a dc_motor, the reference of a joint_pid, the torque of a
-    joint_torque; "(force)" is appended to a name shared with a joint, closure or driver), of an ``[[input]]`` that acts
-    in such forces alone ("(input)" is appended to a name that is shared), or ``frame.x``, a force in N on a frame's
+    joint_torque; "(force)" is appended to a name shared with a joint, closure or driver), of an ``[[input]]`` of such
+    forces only ("(input)" is appended to a name that is shared), or ``frame.x``, a force in N on a frame's
     origin along an axis of the world. An output is named as a signal of runs: ``q.joint`` or ``v.joint``
-    (in the tangent), ``s.state``, or ``position.frame.x``, the position of a frame's origin in m. If also the rate of a
-    reference acts (kd), the states are z minus the effect of its jump, which contributes to D.
+    (in the tangent), ``s.state``, or ``position.frame.x``, the position of a frame's origin in m. If the rate of a
+    reference also enters (kd), the states are z minus the effect of its jump, which contributes to D.
 
     Args:
         mech: the mechanism, or an argument of `mbdae.load`.
@@ -174,13 +174,13 @@ def linearize(
         InputError, EquilibriumError: as for `mbdae.modes`.
     """
     mech = mechanism_of(mech, "linearize")
-    statics, here, motion, _ = operating_point(mech, q, v, t, hold)
+    statics, point, motion, _ = operating_point(mech, q, v, t, hold)
     chosen_inputs = as_list(inputs, "inputs is a list of names")
     joints = velocity_labels(mech, np.arange(mech.nv))
     chosen_outputs = as_list(outputs, "outputs is a list of names") or [f"{x}.{n}" for x in "qv" for n in joints]
     state_matrix, Z, k = motion.state_matrix, motion.speeds, motion.positions.shape[1]
-    ns, n = len(here.s), len(motion.A)
-    partials = _input_partials(statics, here.q, joints)
+    ns, n = len(point.s), len(motion.A)
+    partials = _input_partials(statics, point.q, joints)
     columns, jumps = np.zeros((n, len(chosen_inputs))), np.zeros((n, len(chosen_inputs)))
     for j, name in enumerate(chosen_inputs):
         if name not in partials:
@@ -188,7 +188,7 @@ def linearize(
         (tau, rates), (dtau, drates) = partials[name]
         columns[k : n - ns, j], columns[n - ns :, j] = Z.T @ tau, rates
         jumps[k : n - ns, j], jumps[n - ns :, j] = Z.T @ dtau, drates
-    output_rows = _output_rows(statics, here.q, joints)
+    output_rows = _output_rows(statics, point.q, joints)
     for name in chosen_outputs:
         if name not in output_rows:
             raise UnknownNameError("output", name, output_rows)
@@ -216,8 +216,8 @@ def _gain_units(mech: Mechanism, inputs: Sequence[str], outputs: Sequence[str]) 
     )
 
 
-def _quotient(above: str, below: str) -> str:
-    return substituted("y/x", {"y": above, "x": below}) if above and below else ""
+def _quotient(numerator: str, denominator: str) -> str:
+    return substituted("y/x", {"y": numerator, "x": denominator}) if numerator and denominator else ""
 
 
 InputPartials = tuple[tuple[Array, Array], tuple[Array, Array]]
@@ -238,27 +238,27 @@ def _input_partials(statics: Statics, q: Array, joints: Sequence[str]) -> dict[s
             continue
         at = states[id(law)]
         for i, u in enumerate(law.u):
-            parts = np.zeros((2, nv + ns))
+            derivatives = np.zeros((2, nv + ns))
             for row, r, column, c, value in law.terms:
                 if column in ("u", "du") and c == i:
-                    parts[int(column == "du"), r if row == "tau" else nv + at.start + r] += value
-            out[force if len(law.u) == 1 else f"{force}.{i + 1}"] = _split(parts, nv)
+                    derivatives[int(column == "du"), r if row == "tau" else nv + at.start + r] += value
+            out[force if len(law.u) == 1 else f"{force}.{i + 1}"] = _split(derivatives, nv)
             if isinstance(u, Input | InputHistory):
-                named[u.name] = named.get(u.name, 0.0) + parts
-    for name in named.keys() - _names_elsewhere(statics):
+                named[u.name] = named.get(u.name, 0.0) + derivatives
+    for name in named.keys() - _inputs_of_other_elements(statics):
         out[f"{name} (input)" if name in out else name] = _split(named[name], nv)
     for name, derivative in _position_partials(statics, q).items():
         out.setdefault(name, ((derivative, none), (np.zeros(nv), none)))
     return out
 
 
-def _split(parts: Array, nv: int) -> InputPartials:
-    """Return the partial derivatives with respect to a signal and its rate, each of f and of h, of an array by rows."""
-    return (parts[0, :nv], parts[0, nv:]), (parts[1, :nv], parts[1, nv:])
+def _split(derivatives: Array, nv: int) -> InputPartials:
+    """Split rows of partial derivatives with respect to a signal and its rate (2, nv + ns) into those of f and h."""
+    return (derivatives[0, :nv], derivatives[0, nv:]), (derivatives[1, :nv], derivatives[1, nv:])
 
 
-def _names_elsewhere(statics: Statics) -> set[str]:
-    """Return the inputs of drivers and of nonlinear forces."""
+def _inputs_of_other_elements(statics: Statics) -> set[str]:
+    """Return the names of inputs of drivers and of nonlinear forces."""
     laws = (law for law, _ in statics.system.laws.bound if not isinstance(law, LinearElement))
     signals = [*(u for law in laws for u in law.signals), *(d.path for d in statics.mech.drivers)]
     return {u.name for u in signals if isinstance(u, Input | InputHistory)}
@@ -267,9 +267,9 @@ def _names_elsewhere(statics: Statics) -> set[str]:
 def _output_rows(statics: Statics, q: Array, joints: Sequence[str]) -> dict[str, Array]:
     """Return for each output its partial derivatives with respect to (q, v, s), (2 nv + ns,)."""
     nv, names = statics.system.nv, list(statics.mech.states)
-    one = np.eye(2 * nv + len(names))
-    out = {f"q.{n}": one[i] for i, n in enumerate(joints)} | {f"v.{n}": one[nv + i] for i, n in enumerate(joints)}
-    out |= {f"s.{n}": one[2 * nv + i] for i, n in enumerate(names)}
+    rows = np.eye(2 * nv + len(names))
+    out = {f"q.{n}": rows[i] for i, n in enumerate(joints)} | {f"v.{n}": rows[nv + i] for i, n in enumerate(joints)}
+    out |= {f"s.{n}": rows[2 * nv + i] for i, n in enumerate(names)}
     positions = {f"position.{n}": derivative for n, derivative in _position_partials(statics, q).items()}
     return out | {n: np.pad(derivative, (0, nv + len(names))) for n, derivative in positions.items()}
 

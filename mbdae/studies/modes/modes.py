@@ -30,11 +30,11 @@ if TYPE_CHECKING:
 
 __all__ = ["modes"]
 
-DIGITS = 9  # for sorting eigenvalues by size; conjugate ones stay together
-FRAMES, SECONDS = 121, 2.0  # frames and duration of one cycle in a replay
-AMPLITUDE = 0.25  # rad or m: default of a replay
-LARGEST_COMPONENTS = 3  # components of a shape shown as text
-SHOWN = 0.01  # fraction of the largest component: smaller ones are not shown
+DIGITS = 9  # digits of log |lambda| in sorting, so that conjugate pairs stay together
+FRAMES, SECONDS = 121, 2.0  # number of frames and duration of one cycle in a replay
+AMPLITUDE = 0.25  # default amplitude of a replay in rad or m
+LARGEST_COMPONENTS = 3  # number of components of a shape shown as text
+SHOWN = 0.01  # fraction of the largest component below which components are not shown
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Modes(Tabular):
 
     @property
     def eigenvalues(self) -> Array:
-        """Eigenvalues of A, (n,), by magnitude; those of symmetries and parts that are rounding are exactly 0."""
+        """Eigenvalues of A, (n,), by magnitude; those of symmetries are 0, as are parts that are rounding errors."""
         return self.spectrum.values
 
     @cached_property
@@ -82,7 +82,7 @@ class Modes(Tabular):
     def shapes(self) -> Array:
         """Shape dq of each mode, (k, nv), complex, with dq^H M dq = 1 and its largest component real.
 
-        A mode of states alone, for instance of a current, has the shape 0, as has the speed of a free motion.
+        The shape is 0 for a mode of states only, such as a current, and for the speed of a free motion.
         """
         n = self.motion.positions.shape[1]
         shapes = self.motion.positions @ self.spectrum.vectors[:n, self.eigenvalues.imag >= 0]
@@ -96,7 +96,7 @@ class Modes(Tabular):
         return dq * (abs(largest) / (largest * size))
 
     def displayed_shape(self, i: int) -> tuple[Array, list[str]]:
-        """Return the shape of mode i (nv,) in the units in which results are shown, largest component 1, and these."""
+        """Return the shape of mode i (nv,) in display units, scaled to a largest component of 1, and the units."""
         names = [name for name in coordinate_units(self.mechanism).items() if name[0].startswith("v.")]
         found = [displayed(x, unit.removesuffix("/s")) for x, (_, unit) in zip(self.shapes[i], names, strict=True)]
         shape = np.array([x for x, _ in found])
@@ -163,8 +163,8 @@ class Modes(Tabular):
 
     def _run(self, q: Array) -> Solution:
         mech, t = self.mechanism, np.linspace(0.0, SECONDS, FRAMES)
-        rest = np.concatenate([np.zeros(mech.nv), self.motion.s, [0.0]])
-        y = np.hstack([q, np.repeat(rest[None], FRAMES, 0)])
+        constant = np.concatenate([np.zeros(mech.nv), self.motion.s, [0.0]])
+        y = np.hstack([q, np.repeat(constant[None], FRAMES, 0)])
         return Solution(mech, t, y, np.zeros((FRAMES, mech.ng)), "finished", "", {}, {})
 
     def describe(self, i: int) -> str:

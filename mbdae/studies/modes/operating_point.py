@@ -44,10 +44,10 @@ def operating_point(
     if isinstance(q, np.ndarray):
         q0 = mech.assemble(q, t=t)[0]
         speeds = complete_arguments(mech, q, t, v, hold)[1]
-        found = _at(mech, q0, speeds, t, locked), "given"
+        found = _balance_at(mech, q0, speeds, t, locked), "given"
     elif q is None and v is None:
         try:
-            found = _at(mech, *mech.start_at(t), t, locked), "start"
+            found = _balance_at(mech, *mech.start_at(t), t, locked), "start"
         except InputError as e:
             not_steady = f"; the start moves, but {e}" if _has_start_speeds(mech) else ""
     if found is None:
@@ -71,15 +71,15 @@ def _at_equilibrium(
     """Return the balance at the stable equilibrium found from a configuration with speeds and fixed coordinates.
 
     Raises:
-        EquilibriumError: if none is found, followed by why the start is no steady motion.
+        EquilibriumError: if none is found; the message includes why the start is not a steady motion.
     """
     q, speeds, fixed = start
     try:
-        rest = find_equilibrium_on_contacts(mech, t, speeds, fixed, q, "stable")
+        equilibrium = find_equilibrium_on_contacts(mech, t, speeds, fixed, q, "stable")
     except EquilibriumError as e:
         raise EquilibriumError(f"{e}{not_steady}", e.q, e.residual, e.joint) from None
-    statics = Statics(mech, t, speeds, locked, mode=rest.statics.system.mode)
-    found = statics, statics.point(rest.balance.q, rest.balance.s)
+    statics = Statics(mech, t, speeds, locked, mode=equilibrium.statics.system.mode)
+    found = statics, statics.point(equilibrium.balance.q, equilibrium.balance.s)
     return found, "steady motion" if speeds.any() else "equilibrium"
 
 
@@ -98,8 +98,8 @@ def _locked_text(mech: Mechanism, locked: Array) -> str:
     return f" with {', '.join(velocity_labels(mech, locked))} locked" if len(locked) else ""
 
 
-def _at(mech: Mechanism, q: Array, v: Array, t: float, locked: Array) -> tuple[Statics, ForceBalance]:
-    """Return the balance at a configuration, which rests on the contacts that are closed and in compression.
+def _balance_at(mech: Mechanism, q: Array, v: Array, t: float, locked: Array) -> tuple[Statics, ForceBalance]:
+    """Return the balance at a configuration that is supported by the contacts that are closed and in compression.
 
     Raises:
         InputError: for a configuration that is not an equilibrium, or that violates a contact.

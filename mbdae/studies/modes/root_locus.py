@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["root_locus"]
 
 SPEED = "v."
-CROSSING_WIDTH = 1e-2  # fraction of an interval: distance on either side of a crossing
+CROSSING_WIDTH = 1e-2  # half width of the search range of a crossing, as a fraction of an interval
 
 
 @dataclass(frozen=True)
@@ -36,13 +36,13 @@ class RootLocus(Tabular):
     """Result of `root_locus`.
 
     Attributes:
-        model: as given.
+        model: title or name of the model.
         name: name of the parameter.
-        values: its values, (n,).
+        values: values of the parameter, (n,).
         eigenvalues: tracked over the values, (n, m); nan where they could not be computed.
         messages: reasons for missing eigenvalues, by index of the value.
         changes: values at which the number of growing modes changes.
-        unit: of the parameter; "" if unknown.
+        unit: unit of the parameter; "" if unknown.
     """
 
     model: str
@@ -115,9 +115,9 @@ def root_locus(
         model: a mechanism that was loaded, an argument of `mbdae.load`, or a function of the parameter.
         name: a parameter as in `mbdae.sweep`: ``"force.spring.stiffness"``, ``"start.v.shaft"``, ``"speed"`` of a
             mechanism.py; or ``"v.shaft"``, a constant speed of a joint.
-        values: its values, in order.
-        v: other constant speeds, see `mbdae.modes`.
-        start: other parameters, which stay constant: ``{"start.q.crank": 0.3}``.
+        values: values of the parameter, in order.
+        v: further constant speeds, see `mbdae.modes`.
+        start: further parameters, constant: ``{"start.q.crank": 0.3}``.
         options: q, t and hold of `mbdae.modes`.
 
     Returns:
@@ -181,7 +181,7 @@ def _roots(
 
 
 def _branches(rows: Sequence[Spectrum | None]) -> Array:
-    """Return eigenvalues tracked over the values, (n, m); nan where there are none, or fewer than elsewhere."""
+    """Return eigenvalues tracked over the values, (n, m); nan where they are unknown, or fewer than the maximum."""
     size = max(len(row.values) for row in rows if row is not None)
     out = np.full((len(rows), size), np.nan + 0j)
     last: Array | None = None
@@ -198,11 +198,11 @@ def _differ(a: Spectrum | None, b: Spectrum | None) -> bool:
 
 def _change(roots: Callable[[float], Spectrum], low: float, high: float) -> float:
     """Return the value at which the number of growing eigenvalues changes, by bisection or root finding."""
-    before, reach = roots(low).growing.sum(), CROSSING_WIDTH * (high - low)
+    before, half_width = roots(low).growing.sum(), CROSSING_WIDTH * (high - low)
     crossed = None
     while abs(high - low) > ITERATION_ROUNDING * max(abs(low), abs(high)):
-        if crossed is None and abs(high - low) < abs(reach):
-            crossed = _crossing(roots, (low + high) / 2, reach)
+        if crossed is None and abs(high - low) < abs(half_width):
+            crossed = _crossing(roots, (low + high) / 2, half_width)
             if not np.isnan(crossed):
                 return crossed
         middle = (low + high) / 2
@@ -214,23 +214,25 @@ def _change(roots: Callable[[float], Spectrum], low: float, high: float) -> floa
     return (low + high) / 2
 
 
-def _crossing(roots: Callable[[float], Spectrum], value: float, reach: float) -> float:
-    """Return the value at which a root crosses the imaginary axis; nan if one only leaves it."""
+def _crossing(roots: Callable[[float], Spectrum], value: float, half_width: float) -> float:
+    """Return the value at which a root crosses the imaginary axis; nan if it does not change sides."""
 
     def growth(x: float) -> float:
         found = roots(x).values
         return float(found[np.abs(found - root).argmin()].real)
 
     try:
-        a, b = roots(value - reach), roots(value + reach)
+        a, b = roots(value - half_width), roots(value + half_width)
         matched = b.sorted(_matching_order(a.values, b.values))
         crossing = np.flatnonzero(a.known & matched.known & (a.values.real * matched.values.real < 0))
         if not len(crossing):
             return np.nan
         root = (a.values + matched.values)[crossing[0]] / 2
-        ends = growth(value - reach), growth(value + reach)
-        exact = ROUNDING * max(abs(value), abs(reach))
-        return float(brentq(growth, value - reach, value + reach, xtol=exact)) if ends[0] * ends[1] < 0 else np.nan
+        ends = growth(value - half_width), growth(value + half_width)
+        tolerance = ROUNDING * max(abs(value), abs(half_width))
+        if ends[0] * ends[1] >= 0:
+            return np.nan
+        return float(brentq(growth, value - half_width, value + half_width, xtol=tolerance))
     except MbdaeError:
         return np.nan
 

@@ -1,4 +1,4 @@
-"""A motion with given inputs, and the derivatives of its signals by them: one forward sweep of advances."""
+"""A motion with given inputs, and the derivatives of its signals with respect to them from one forward sweep."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,18 +16,18 @@ from ...solution.solution import Solution
 from ...system import Array
 from ..optimize.objective import CostEvaluation
 
-SIMPSON = (4.0, 2.0)  # weights of odd and even points, over h/3; 1 at both ends
+SIMPSON = (4.0, 2.0)  # weights of odd and even inner points, over h/3; those of both ends are 1
 
 
 class Grid(NamedTuple):
-    """The unknowns z: values of each input at ``points`` times, or on the intervals between, and the duration.
+    """The unknowns z: values of each input at points in time, or on the intervals between them, and the duration.
 
     Attributes:
-        names: of the inputs.
-        linear: those that are linear between the points; others are constant.
+        names: names of the inputs.
+        linear: names of the inputs that are linear between points; the remaining ones are piecewise constant.
         points: number of points.
-        steps: of the method, in each interval; an even number.
-        duration: in s; None if it is an unknown, the last one.
+        steps: number of steps in each interval; even.
+        duration: duration in s; None if it is the last unknown.
     """
 
     names: tuple[str, ...]
@@ -46,7 +46,7 @@ class Grid(NamedTuple):
         return [*inputs, *(["duration"] if self.duration is None else [])]
 
     def columns(self, name: str) -> range:
-        """Return the position of the values of an input in z."""
+        """Return the indices of the values of an input in z."""
         first = sum(n for other, n in list(self.sizes().items())[: self.names.index(name)])
         return range(first, first + self.sizes()[name])
 
@@ -61,11 +61,11 @@ class ControlledMotion:
     """A motion, with signals at the nodes and their derivatives with respect to the unknowns.
 
     Attributes:
-        shooting: how it was computed.
+        shooting: the shooting problem.
         z: the unknowns, (k,).
-        t: times of the nodes, (points - 1, steps + 1): the ends of intervals are in both.
-        values: of signals and inputs, (points - 1, steps + 1) each.
-        partials: their derivatives, (points - 1, steps + 1, k) each.
+        t: times of the nodes, (points - 1, steps + 1): points between two intervals are in both.
+        values: values of signals and inputs, (points - 1, steps + 1) each.
+        partials: derivatives of the values with respect to z, (points - 1, steps + 1, k) each.
     """
 
     shooting: "Shooting"
@@ -73,24 +73,24 @@ class ControlledMotion:
     t: Array
     values: dict[str, Array]
     partials: dict[str, Array]
-    bound = 0  # there are no parameters of a model
+    bound = 0  # the unknowns are inputs, not parameters
 
     @property
     def duration(self) -> float:
-        """In s."""
+        """Duration in s."""
         return float(self.t[-1, -1] - self.t[0, 0])
 
     @cached_property
     def result(self) -> Solution:
-        """The run; it is computed again."""
+        """The run, which is recomputed."""
         return self.shooting.run(self.z)
 
     def at_points(self, name: str) -> Array:
         """Return a signal at the points, (points,)."""
         return np.append(self.values[name][:, 0], self.values[name][-1, -1])
 
-    def evaluate(self, function: Any, what: str = "") -> CostEvaluation:
-        """Return a cost or a constraint, (motion) -> (value, derivatives (k,))."""
+    def evaluate(self, function: Any, label: str = "") -> CostEvaluation:
+        """Evaluate a cost or a constraint: function(motion) -> (value, derivatives (k,))."""
         found, derivatives = function(self)
         return CostEvaluation(found, lambda: derivatives)
 
@@ -99,7 +99,7 @@ class Shooting:
     """Motions over the unknowns, from one start.
 
     Args:
-        simulator: at the start.
+        simulator: simulator in its start state.
         grid: the unknowns.
         signals: names of the signals that costs and constraints need.
 
@@ -117,7 +117,7 @@ class Shooting:
             differentiable(simulator.mechanism, name)
 
     def _begin(self, z: Array) -> float:
-        """Return to the start, with the inputs there, and return the length of an interval."""
+        """Restore the start with its inputs, and return the length of an interval."""
         grid, simulator = self.grid, self.simulator
         dt = float(grid.duration if grid.duration is not None else z[-1]) / (grid.points - 1)
         step = dt / grid.steps
@@ -131,7 +131,7 @@ class Shooting:
         """Advance over interval k.
 
         Raises:
-            StepError: if that is impossible, or not in equal steps.
+            StepError: if a step fails, or steps are not equal.
         """
         for name in self.grid.names:
             self.simulator[name] = float(z[self.grid.columns(name)[k + (name in self.grid.linear)]])
@@ -163,14 +163,14 @@ class Shooting:
         t, dy = np.empty((n, m)), np.zeros((self.simulator._run.system.ny, len(z)))
         found = {name: np.empty((n, m)) for name in (*grid.names, *self.names)}
         partials = {name: np.zeros((n, m, len(z))) for name in found}
-        share = np.linspace(0.0, 1.0, m)
+        fraction = np.linspace(0.0, 1.0, m)
         for k in range(n):
             self._advance(z, k, dt)
             for name in grid.names:
                 at, last = grid.columns(name), k + (name in grid.linear)
-                found[name][k] = (1 - share) * z[at[k]] + share * z[at[last]]
-                partials[name][k, :, at[k]] += 1 - share
-                partials[name][k, :, at[last]] += share
+                found[name][k] = (1 - fraction) * z[at[k]] + fraction * z[at[last]]
+                partials[name][k, :, at[k]] += 1 - fraction
+                partials[name][k, :, at[last]] += fraction
             t[k], dy = self._differentiate(k, dy, found, partials)
         for name, signal in self.known.items():
             if signal.kind == "angle":
@@ -180,7 +180,7 @@ class Shooting:
     def _differentiate(
         self, k: int, dy: Array, found: dict[str, Array], partials: dict[str, Array]
     ) -> tuple[Array, Array]:
-        """Record signals on interval k; return times of its nodes, and the derivatives of y at its end."""
+        """Store signals on interval k and their derivatives; return times of nodes, and derivatives of y at the end."""
         grid, advance = self.grid, self.simulator.differentiated()
         p, trajectory, width = advance.parameters, advance.trajectory, dy.shape[1]
         dp, dt = np.zeros((len(p.columns), width)), np.zeros(width)
@@ -195,14 +195,14 @@ class Shooting:
         rows = SignalJacobian(trajectory, self.names) if self.names else None
         for j in range(grid.steps + 1):
             i, time = first + j, float(trajectory.ts[first + j])
-            moved = dt * (k + j / grid.steps)  # motion of the node's time
-            held = dp + advance.fixed_inputs(moved)
+            dt_node = dt * (k + j / grid.steps)  # derivative of the node's time
+            dp_node = dp + advance.fixed_inputs(dt_node)
             if rows:
                 trajectory.enter_node(i)
             for name in self.names:
                 found[name][k, j] = value(trajectory.system, self.known[name], time, trajectory.ys[i])
             if rows:
-                by_z = rows.rows(i, time, trajectory.ys[i]) @ np.vstack([along[i], held, moved])
+                by_z = rows.rows(i, time, trajectory.ys[i]) @ np.vstack([along[i], dp_node, dt_node])
                 for name, row in zip(self.names, by_z, strict=True):
                     partials[name][k, j] = row
         return trajectory.ts[first:], along[-1]

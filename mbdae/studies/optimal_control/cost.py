@@ -12,11 +12,11 @@ from ..sensitivity.cost import real
 from .controlled_motion import ControlledMotion
 
 Integrand = Callable[[Mapping[str, Array]], tuple[Array, Mapping[str, Array]]]
-Found = tuple[float, Array]  # a value, and its derivatives with respect to the unknowns, (k,)
+ValueAndGradient = tuple[float, Array]  # gradient with respect to the unknowns, (k,)
 
 
 class SignalRequest(Mapping[str, Array]):
-    """Ones in place of signals: records which of them an integrand uses."""
+    """Placeholder signals, all ones, that record which signals an integrand uses."""
 
     def __init__(self) -> None:
         self.names = dict[str, None]()
@@ -65,7 +65,7 @@ class Integral:
     name: str
     time_weight: float
 
-    def __call__(self, motion: ControlledMotion) -> Found:
+    def __call__(self, motion: ControlledMotion) -> ValueAndGradient:
         """Return the cost and its derivatives."""
         grid, length = motion.shooting.grid, motion.duration
         weights = np.tile(grid.weights(), grid.points - 1) * length / (grid.points - 1)
@@ -85,15 +85,16 @@ class Integral:
         """
         found = call_and_report(self.name, lambda: self.function(signals))
         try:
-            given, table = found
-            L, partials = real(given), {name: real(x) for name, x in table.items()}
+            values, table = found
+            L, partials = real(values), {name: real(x) for name, x in table.items()}
         except (TypeError, ValueError, AttributeError):
             raise InputError(f"{self.name} returns (L, {{signal: dL}}), arrays (n,) each, got {found!r:.60}") from None
         if unused := [name for name in partials if name not in signals]:
             raise InputError(f"{self.name} has a derivative with respect to {unused[0]!r}, which it does not use")
-        for what, x in (("L", L), *((f"the derivative with respect to {name!r}", x) for name, x in partials.items())):
+        labels = {f"the derivative with respect to {name!r}": x for name, x in partials.items()}
+        for label, x in {"L": L, **labels}.items():
             if x.shape != (n,) or not np.isfinite(x).all():
-                raise InputError(f"{self.name}: {what} must be {n} finite numbers, one for each node")
+                raise InputError(f"{self.name}: {label} must be {n} finite numbers, one for each node")
         return L, partials
 
 
@@ -104,7 +105,7 @@ class SignalAtPoint:
     name: str
     point: int
 
-    def __call__(self, motion: ControlledMotion) -> Found:
+    def __call__(self, motion: ControlledMotion) -> ValueAndGradient:
         """Return the signal and its derivatives."""
         last = motion.shooting.grid.points - 1
         at = (last - 1, -1) if self.point == last else (self.point, 0)

@@ -20,7 +20,7 @@ __all__ = ["optimal_control"]
 
 Pair = tuple[float | None, float | None]
 SETTINGS = ("method", "formulation", "project", "backend")
-METHOD = "herk5"  # carries nothing from one interval to the next: no restarts
+METHOD = "herk5"  # one-step method without a carry, so that intervals need no restart
 
 
 def optimal_control(
@@ -48,23 +48,23 @@ def optimal_control(
         minimize  w T + int_0^T L dt,   q' = v,  M v' = f(q, v, s, u) + G^T lam,  0 = G v + g_t,  (q, v, s)(0) given
         low <= u <= high,   low_j <= x_j(T) <= high_j,   low_i <= x_i(t_k) <= high_i,   T_low <= T <= T_high
 
-    by direct single shooting: unknowns are the values of u at equal intervals, constant or linear in between as each
-    input says, and T. Closed loops are part of the run, not constraints of the search. Steps scale with T; their exact
-    derivatives come from one forward sweep (`mbdae.Simulator.tangent`) for the cost and all constraints, and scipy's
-    sequential least squares (Kraft, DFVLR-FB 88-28 (1988)) searches. A motion is never better than its grid: compare
-    with twice the points.
+    by direct single shooting: unknowns are the values of u at equal intervals, in between constant or linear as
+    specified for each input, and T. Closed loops are part of the run, not constraints of the search. Steps scale with
+    T; their exact derivatives come from one forward sweep (`mbdae.Simulator.tangent`) for the cost and all constraints,
+    and scipy's sequential least squares (Kraft, DFVLR-FB 88-28 (1988)) searches. The accuracy is limited by the grid:
+    compare with twice the points.
 
     Args:
         model: a mechanism with inputs, or the name or path of one.
         cost: L: a signal, ``{signal: weight}`` for weighted sums of squares, or signals -> (L (n,), {signal: dL (n,)})
-            at n nodes, each from the signals there; the first call has n = 1. Signals are those of
-            `mbdae.Solution.signals` with a derivative, and the inputs by name.
-        inputs: names of the inputs to find, or name = (low, high), None for no limit; others keep their values.
+            at n nodes, pointwise; the first call has n = 1. Signals are those of `mbdae.Solution.signals` with a
+            derivative, and the inputs by name.
+        inputs: names of the inputs to find, or name = (low, high), None for no limit; further inputs are constant.
         end: signals at the end: a number, or (low, high).
         path: (low, high) of signals at all points of the grid.
-        duration: T in s, or (low, high) to find it, from the middle; the model's when left out.
-        time_weight: w, per s.
-        guess: values of inputs where the search begins, a number or one for each; their start values when left out.
+        duration: T in s, or (low, high) to find it, beginning in the middle; the model's when left out.
+        time_weight: weight w of the duration, in 1/s.
+        guess: initial values of inputs, a number or one for each point; by default their start values.
         points: number of times where inputs have values; an input with ``hold = "zero"`` has one for each interval.
         steps: steps of the method in each interval, an even number.
         q: consistent start configuration (nq,); the model's start when left out.
@@ -73,7 +73,7 @@ def optimal_control(
         tolerance: termination tolerance of the search.
         iterations: largest number of iterations.
         progress: called with a description of the current task.
-        settings: of `mbdae.Simulator`: method (herk5 when left out), formulation, project, backend.
+        settings: settings of `mbdae.Simulator`: method (herk5 when left out), formulation, project, backend.
 
     Raises:
         InputError: for a start that cannot be computed, wrong limits, signals without a derivative, equations that
@@ -127,10 +127,10 @@ def _unknowns(
     simulator: Simulator, grid: Grid, box: Mapping[str, tuple[float, float]], span: tuple[float, float],
     guess: Mapping[str, object],
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]], Array]:  # fmt: skip
-    """Return first values, bounds and scales of the unknowns.
+    """Return initial values, bounds and scales of the unknowns.
 
-    Scales give an integral of u^2 the same curvature in all values of u: the quasi-Newton search then needs as many
-    iterations for many points as for few.
+    With these scales an integral of u^2 has the same curvature in all values of u: then the number of iterations of the
+    quasi-Newton search does not grow with the number of points.
     """
     start, bounds, scale = list[float](), list[tuple[float, float]](), list[float]()
     for name in guess:
@@ -140,10 +140,10 @@ def _unknowns(
         values = _guess(name, guess.get(name, simulator.inputs.user_inputs[name].setting.value), n)
         low, high = box[name]
         size = ((high - low) / 10 if np.isfinite(high - low) else float(np.abs(values).max())) or 1.0
-        share = np.full(n, 1.0 / (grid.points - 1))
+        weights = np.full(n, 1.0 / (grid.points - 1))
         if name in grid.linear:
-            share[[0, -1]] /= 2
-        start, bounds, scale = [*start, *values], [*bounds, *[box[name]] * n], [*scale, *size / np.sqrt(share)]
+            weights[[0, -1]] /= 2
+        start, bounds, scale = [*start, *values], [*bounds, *[box[name]] * n], [*scale, *size / np.sqrt(weights)]
     if grid.duration is None:
         start, bounds, scale = [*start, sum(span) / 2], [*bounds, span], [*scale, (span[1] - span[0]) / 10]
     names = grid.unknowns()
@@ -153,7 +153,7 @@ def _unknowns(
 def _limits(
     ends: Mapping[str, Any], paths: Mapping[str, Any], points: int
 ) -> list[tuple[str, str, int, tuple[float, float]]]:
-    """Return a label, the signal, the point and (low, high) of each condition."""
+    """Return a label, the signal, the point and (low, high) of each constraint."""
     out = [(f"{name} at the end", name, points - 1, x) for name, x in ranges("signal", ends, ends).items()]
     for name, pair in ranges("signal", paths, paths).items():
         out += [(f"{name} at point {k}", name, k, pair) for k in range(points)]
@@ -183,7 +183,7 @@ def _pair(given: object) -> Any:
 
 
 def _guess(name: str, given: object, n: int) -> Array:
-    """Return the first values of an input, (n,)."""
+    """Return the initial values of an input, (n,)."""
     try:
         values = np.broadcast_to(np.asarray(given, float), (n,))
     except (TypeError, ValueError):

@@ -24,16 +24,16 @@ class OptimalControl(Tabular):
 
     Attributes:
         t: times of the grid in s, (points,).
-        inputs: values by name, (points,) each; of one with ``hold = "zero"``, those from each time on.
-        units: of the inputs.
-        linear: inputs that are linear between these times; others are constant.
+        inputs: values by name, (points,) each; an input with ``hold = "zero"`` is constant after each time.
+        units: units of the inputs.
+        linear: names of inputs that are linear between these times.
         signals: signals that the cost or a constraint uses, at these times, (points,) each.
         cost: the cost.
-        duration: in s.
+        duration: duration in s.
         solution: the run.
         motions: number of motions that were computed.
         converged: whether the search converged and the constraints are satisfied.
-        interrupted: whether the user stopped it.
+        interrupted: whether the user stopped the search.
         message: termination message.
     """
 
@@ -75,7 +75,7 @@ class OptimalControl(Tabular):
         return {"t": self.t.tolist(), **tables, **{name: getattr(self, name) for name in scalars}}
 
     def remarks(self) -> list[str]:
-        """Return why it may not be an optimum."""
+        """Return why the result may not be an optimum."""
         return [] if self.converged else [f"not an optimum: {self.message}"]
 
     def plot(self, path: str | Path | None = None) -> "Figure":

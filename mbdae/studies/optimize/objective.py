@@ -52,18 +52,19 @@ class SignalsAndParameters(Mapping[str, Any]):
 class _CostOfParameters(NamedCost):
     """A cost that stores its explicit derivatives with respect to the parameters separately."""
 
-    def __init__(self, cost: Cost, values: Mapping[str, float], what: str) -> None:
-        self.cost, self.values, self.explicit, self.what = cost, values, np.zeros(len(values)), what or cost_name(cost)
+    def __init__(self, cost: Cost, values: Mapping[str, float], label: str) -> None:
+        self.cost, self.values, self.explicit = cost, values, np.zeros(len(values))
+        self.label = label or cost_name(cost)
 
     def __call__(self, signals: Mapping[str, Array]) -> Any:
         known = SignalsAndParameters(signals, self.values)
-        found = call_and_report(self.what, lambda: self.cost(known), lambda: values_text(self.values))
+        found = call_and_report(self.label, lambda: self.cost(known), lambda: values_text(self.values))
         if not (isinstance(found, tuple | list) and len(found) == 2 and isinstance(found[1], Mapping)):
             return found
         explicit = {name: x for name, x in found[1].items() if name in self.values}
         for name, x in explicit.items():
             if not is_number(x):
-                raise InputError(f"{self.what}: its derivative with respect to {name!r} is a number, got {x!r:.60}")
+                raise InputError(f"{self.label}: its derivative with respect to {name!r} is a number, got {x!r:.60}")
         self.explicit = np.array([float(explicit.get(name, 0.0)) for name in self.values])
         return found[0], {name: x for name, x in found[1].items() if name not in explicit}
 
@@ -74,10 +75,10 @@ class RunMotion:
 
     Attributes:
         result: the run.
-        parameters: of the mechanism, for all runs.
-        values: their values in this run.
-        costs: those that were evaluated.
-        gradients: of the first of them, by the parameters.
+        parameters: parameters of the mechanism, for all runs.
+        values: values of the parameters in this run.
+        costs: evaluated costs.
+        gradients: gradients of the first of these costs with respect to the parameters.
     """
 
     result: Solution
@@ -88,20 +89,21 @@ class RunMotion:
 
     @property
     def bound(self) -> int:
-        """How often the parameters were bound."""
+        """Number of times that parameters were bound to runs, see `Optimum`."""
         return self.parameters.bound
 
-    def evaluate(self, cost: Cost, what: str = "") -> CostEvaluation:
-        """Evaluate a cost and its gradient; ``what`` is its name in messages."""
-        function = _CostOfParameters(cost, self.values, what)
+    def evaluate(self, cost: Cost, label: str = "") -> CostEvaluation:
+        """Evaluate a cost and its gradient; ``label`` is its name in messages."""
+        function = _CostOfParameters(cost, self.values, label)
         found, i = run_cost(self.parameters.trajectory(self.result, self.values), function), len(self.costs)
         self.costs.append(found)  # gradients are computed at points where the search requests them
         return CostEvaluation(found.value, lambda: function.explicit + self._gradient(i))
 
     def _gradient(self, i: int) -> Array:
         if i >= len(self.gradients):
-            trajectory, others = self.parameters.trajectory(self.result, self.values), self.costs[len(self.gradients) :]
-            self.gradients.extend(np.array(list(x.values())) for x in adjoint_gradients(trajectory, others))
+            trajectory = self.parameters.trajectory(self.result, self.values)
+            pending = self.costs[len(self.gradients) :]
+            self.gradients.extend(np.array(list(x.values())) for x in adjoint_gradients(trajectory, pending))
         return self.gradients[i]
 
 
@@ -112,14 +114,14 @@ class CurveMotion:
     Attributes:
         result: the curve.
         make: factory of mechanisms whose last driver is the input.
-        values: their parameters.
+        values: values of the parameters.
     """
 
     result: Kinematics
     make: Callable[[Mapping[str, float]], Mechanism]
     values: dict[str, float]
 
-    bound = 0  # its parameters are not those of runs
+    bound = 0  # parameters are not bound to runs
 
     @cached_property
     def signals(self) -> CurveSignals:
@@ -131,9 +133,9 @@ class CurveMotion:
         found.require_consistent(float(self.result.u[0]), self.result.q[0])
         return found
 
-    def evaluate(self, cost: Cost, what: str = "") -> CostEvaluation:
-        """Evaluate a cost and its gradient; ``what`` is its name in messages."""
-        function = _CostOfParameters(cost, self.values, what)
+    def evaluate(self, cost: Cost, label: str = "") -> CostEvaluation:
+        """Evaluate a cost and its gradient; ``label`` is its name in messages."""
+        function = _CostOfParameters(cost, self.values, label)
         value, derivatives = evaluated(function, self.signals, len(self.result.u))
         return CostEvaluation(
             value, lambda: function.explicit + sum(x @ self.signals.derivative(n) for n, x in derivatives.items())
@@ -149,10 +151,10 @@ class Motion(Protocol):
 
     @property
     def bound(self) -> int:
-        """How often its parameters were bound."""
+        """Number of times that parameters were bound to runs, see `Optimum`."""
 
-    def evaluate(self, cost: Any, what: str = "") -> CostEvaluation:
-        """Evaluate a cost and its gradient; ``what`` is its name in messages."""
+    def evaluate(self, cost: Any, label: str = "") -> CostEvaluation:
+        """Evaluate a cost and its gradient; ``label`` is its name in messages."""
 
 
 ComputeMotion = Callable[[dict[str, float]], Motion]
@@ -165,7 +167,7 @@ def runs(make: MechanismFactory, t_span: tuple[float, float] | None, settings: M
         UnknownNameError: for an unknown setting.
         InputError: for an incomplete run; KeyboardInterrupt for an interrupted one.
     """
-    check_settings(settings, others=("problem", "t_span", "progress"))
+    check_settings(settings, excluded=("problem", "t_span", "progress"))
     parameters = VaryingParameters(make)
 
     def run(values: dict[str, float]) -> RunMotion:
@@ -194,13 +196,13 @@ def curves(make: MechanismFactory, drive: str, first: Mechanism, options: Mappin
     hold = {name: float(columns[f"q.{name}"][0]) for name in first_curve.locked if f"q.{name}" in columns}
     fixed = {**options, "span": span, "hold": hold}
 
-    def follow(values: dict[str, float]) -> CurveMotion:
+    def curve_motion(values: dict[str, float]) -> CurveMotion:
         found = kinematics(make.make(values), drive, **fixed)
         require_monotonic(found, span)
 
-        def driven(other: Mapping[str, float]) -> Mechanism:
-            return driven_mechanism(make.make(other), drive, hold, found.q[0])
+        def driven(parameters: Mapping[str, float]) -> Mechanism:
+            return driven_mechanism(make.make(parameters), drive, hold, found.q[0])
 
         return CurveMotion(found, driven, values)
 
-    return follow
+    return curve_motion

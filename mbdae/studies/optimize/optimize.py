@@ -70,9 +70,9 @@ def optimize(
             are among the signals, with one number as derivative. Signals of runs are those of `mbdae.Solution.signals`;
             of curves ``u``, ``q.<joint>``, ``v.<joint>`` (per unit speed of the input), ``position.<frame>.x``, .y, .z,
             and ``holding``, the holding torque or force of the driver in each pose, in N m or N.
-        parameters: dotted names, as of sweeps; or name = initial value.
-        bounds: (low, high) of parameters, None for none; 0 replaces it where mechanisms exist on one side of 0 only.
-        constraints: by any name, (function like a cost, low, high), None for none; equal limits are allowed.
+        parameters: dotted names, as in sweeps; or name = initial value.
+        bounds: (low, high) of parameters, None for no bound; 0 replaces None if mechanisms exist on one side of 0 only.
+        constraints: by any name, (function like a cost, low, high), None for no limit; equal limits are allowed.
         t_span: start and end of the run; 0 and the model's duration when left out.
         drive: a joint or driver, the input of a curve of poses.
         scales: typical changes of the parameters; a tenth of the range, or of the value, when left out.
@@ -88,7 +88,7 @@ def optimize(
     """
     if not callable(cost):
         raise InputError(f"a cost is a function of signals that returns (value, derivatives), got {cost!r:.60}")
-    _check_ends(iterations, tolerance)
+    _check_termination(iterations, tolerance)
     if drive is not None and t_span is not None:
         raise InputError("a curve over a drive has no t_span: give span, the range of the drive, or leave drive out")
     _check_search(search, bool(constraints))
@@ -107,7 +107,7 @@ def optimize(
 
 
 class Problem:
-    """Scaled problem: cost and constraints over z, p = p_0 + scale z, divided by their sizes."""
+    """Scaled problem: cost and constraints, divided by typical magnitudes, over z, p = p_0 + scale z."""
 
     def __init__(
         self,
@@ -173,27 +173,27 @@ class Problem:
         return motion, found
 
     def violation(self, evaluation: Evaluation) -> float:
-        """Return the constraint violation in constraint sizes; 0 if satisfied."""
+        """Return the largest constraint violation over the magnitude of the constraint; 0 if satisfied."""
         found = [(x, self.sizes[name], *self.limits[name]) for name, x in evaluation.constraints.items()]
         violations = [max(low - x, x - high) / size for x, size, low, high in found]
         return max((x for x in violations if x > VISIBLE), default=0.0)
 
     def rank(self, evaluation: Evaluation) -> tuple[float, float]:
-        """Return a sort key: feasible points first, by cost; others by violation."""
+        """Return a sort key: feasible points first, by cost; infeasible points by violation."""
         return (self.violation(evaluation) if len(self.history) > 1 else 0.0), evaluation.cost
 
     def value(self, z: Array, name: str = "") -> float:
-        """Return the cost or a constraint, relative to its size."""
+        """Return the cost or a constraint, over its magnitude."""
         return self.evaluate(z)[name].value / self.sizes[name]
 
     def derivatives(self, z: Array, name: str = "") -> Array:
-        """Return their derivatives with respect to z, (k,)."""
+        """Return the derivatives of the cost or a constraint with respect to z, (k,)."""
         return self.evaluate(z)[name].derivatives() * self.scale / self.sizes[name]
 
     def solve(
         self, box: dict[str, tuple[float, float]], scale: Array, search: str, tolerance: float, iterations: int
     ) -> Optimum:
-        """Search and return the best point; the best so far if the user or an error stops it."""
+        """Search, and return the best point; the best so far if the user or an error stops the search."""
         start = np.array(list(self.start.values()))
         low, high = (np.array([pair[i] for pair in box.values()]) for i in (0, 1))
         self.scale, interrupted, differentiated = scale, False, True
@@ -236,7 +236,7 @@ class Problem:
         return bool(np.abs(step).max(initial=0.0) < VISIBLE)
 
 
-def _check_ends(iterations: object, tolerance: object) -> None:
+def _check_termination(iterations: object, tolerance: object) -> None:
     if not (is_count(iterations) and is_number(tolerance) and tolerance > 0):
         raise InputError(f"iterations and tolerance are positive, got {iterations!r:.30} and {tolerance!r:.30}")
 

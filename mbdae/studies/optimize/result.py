@@ -34,19 +34,19 @@ class Optimum(Tabular):
 
     Attributes:
         values: the parameters.
-        cost: the cost there.
-        gradient: its derivative with respect to each parameter; nan where an error stopped the search.
-        constraints: their values there.
+        cost: the cost.
+        gradient: derivative of the cost with respect to each parameter; nan if an error stopped the search.
+        constraints: values of the constraints.
         limits: (low, high) of each constraint.
         bounds: (low, high) of each parameter.
-        mechanism: with these parameters.
-        motion: its run, a Solution, or its curve, a Kinematics.
+        mechanism: mechanism with these parameters.
+        motion: run, a Solution, or curve of poses, a Kinematics, of the mechanism.
         history: all points in order of evaluation, the start first; nan where evaluation failed.
         converged: whether the search converged and the constraints are satisfied.
-        interrupted: whether the user stopped it.
+        interrupted: whether the user stopped the search.
         message: termination message.
-        bound: how often parameters were bound to runs: once if their directions are constant, so that other values are
-            written in place; otherwise for each point; 0 for curves.
+        bound: number of times that parameters were bound to runs: once if new values can be written in place, since
+            directions are constant; otherwise once for each point; 0 for curves.
     """
 
     values: dict[str, float]
@@ -108,7 +108,7 @@ class Optimum(Tabular):
         return [f"{failed}, the last: {errors[-1]}"] if errors else []
 
     def remarks(self) -> list[str]:
-        """Return parameters at a bound, reasons why they may not be an optimum, and failed evaluations."""
+        """Return parameters at a bound, reasons why the result may not be an optimum, and failed evaluations."""
         bounds = [f"{name} is at its bound" for name in self.at_bounds]
         return [*bounds, *([] if self.converged else [f"not an optimum: {self.message}"]), *self.failures]
 

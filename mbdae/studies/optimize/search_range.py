@@ -28,19 +28,19 @@ def require_within_bounds(start: Mapping[str, float], box: Mapping[str, tuple[fl
 def effective_bounds(
     make: MechanismFactory, start: Mapping[str, float], box: Mapping[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
-    """Return the bounds of parameters, with 0 for an infinite one if mechanisms exist only on one side of 0.
+    """Return the bounds of parameters, with 0 in place of infinity if mechanisms exist on one side of 0 only.
 
-    A line search would approach a bound that it does not know only from one side.
+    Without this bound, a line search could not reach 0, since it rejects all points beyond.
     """
-    low = _ending_at_zero(make, start, [n for n, pair in box.items() if pair[0] == -np.inf and start[n] >= 0], -SMALL)
-    high = _ending_at_zero(make, start, [n for n, pair in box.items() if pair[1] == np.inf and start[n] <= 0], SMALL)
+    low = _limited_by_zero(make, start, [n for n, pair in box.items() if pair[0] == -np.inf and start[n] >= 0], -SMALL)
+    high = _limited_by_zero(make, start, [n for n, pair in box.items() if pair[1] == np.inf and start[n] <= 0], SMALL)
     return {n: (0.0 if n in low else pair[0], 0.0 if n in high else pair[1]) for n, pair in box.items()}
 
 
-def _ending_at_zero(
+def _limited_by_zero(
     make: MechanismFactory, start: Mapping[str, float], names: Sequence[str], beyond: float
 ) -> list[str]:
-    """Return the parameters without mechanisms beyond 0: none, if one exists with all of them there."""
+    """Return the parameters for which no mechanism exists beyond 0; none if it exists with all of them beyond 0."""
     if not names or _exists(make, {**start, **dict.fromkeys(names, beyond)}):
         return []
     return [n for n in names if not _exists(make, {**start, n: beyond}) and _exists(make, {**start, n: 0.0})]
@@ -54,7 +54,7 @@ def _exists(make: MechanismFactory, values: dict[str, float]) -> bool:
 
 
 def ranges(
-    what: str, names: Mapping[str, object], given: Mapping[str, Sequence[float | None]]
+    kind: str, names: Mapping[str, object], given: Mapping[str, Sequence[float | None]]
 ) -> dict[str, tuple[float, float]]:
     """Return (low, high) of each name, infinite if not given.
 
@@ -63,13 +63,13 @@ def ranges(
     """
     for name in given:
         if name not in names:
-            raise UnknownNameError(what, name, names)
-    return {name: _pair(f"{what} {name!r}", given.get(name, (None, None))) for name in names}
+            raise UnknownNameError(kind, name, names)
+    return {name: _pair(f"{kind} {name!r}", given.get(name, (None, None))) for name in names}
 
 
-def table_by_name(what: str, given: Any) -> Mapping[str, Any]:
-    """Return a table; an empty one for None."""
-    require(given if given is not None else {}, Mapping, f"{what} are a table by name")
+def table_by_name(kind: str, given: Any) -> Mapping[str, Any]:
+    """Return a table, empty for None."""
+    require(given if given is not None else {}, Mapping, f"{kind} are a table by name")
     return given or {}
 
 
@@ -85,16 +85,16 @@ def constraint_limits(name: str, given: object) -> tuple[float, float]:
     return found
 
 
-def _pair(what: str, given: object) -> tuple[float, float]:
+def _pair(label: str, given: object) -> tuple[float, float]:
     """Return the lower and the upper limit of a range.
 
     Raises:
         InputError: for an invalid range.
     """
     pair = entries(given)
-    ends = reals([open_end if x is None else x for x, open_end in zip(pair, (-np.inf, np.inf), strict=False)])
+    ends = reals([infinity if x is None else x for x, infinity in zip(pair, (-np.inf, np.inf), strict=False)])
     if not (len(pair) == len(ends) == 2 and ends[0] <= ends[1] and ends[0] < np.inf and ends[1] > -np.inf):
-        raise InputError(f"{what} takes (low, high) with low <= high, None for no limit, got {given!r:.60}")
+        raise InputError(f"{label} takes (low, high) with low <= high, None for no limit, got {given!r:.60}")
     return ends[0], ends[1]
 
 

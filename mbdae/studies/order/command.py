@@ -29,10 +29,10 @@ def _missing(study: "OrderStudy") -> str:
     return f"after {done} of {done + len(missing)} methods; {', '.join(missing)} remain" if missing else ""
 
 
-JUDGED: dict[str, Any] = {"exit_code": _exit_code, "missing": _missing}
+OUTCOME: dict[str, Any] = {"exit_code": _exit_code, "missing": _missing}
 
 
-@study_command("T steps", TABLE, PLOT, shared="units", subject=problem_argument, more=[METHODS_OR_ALL], **JUDGED)
+@study_command("T steps", TABLE, PLOT, shared="units", subject=problem_argument, more=[METHODS_OR_ALL], **OUTCOME)
 def order(study: Study, model: ChosenModel, **options: Any) -> Result:
     """Measure the orders of methods on a model. Exit 1 if one is below its claim, 3 if one cannot be judged.
 
@@ -44,7 +44,7 @@ def order(study: Study, model: ChosenModel, **options: Any) -> Result:
         return study(problem, progress=report_progress, **options)
 
 
-@study_command("parameter T steps", TABLE, PLOT, shared="units", more=[METHODS_OR_ALL], **JUDGED)
+@study_command("parameter T steps", TABLE, PLOT, shared="units", more=[METHODS_OR_ALL], **OUTCOME)
 def check_gradients(study: Study, model: ChosenModel, **options: Any) -> Result:
     """Compare tangents of runs with difference quotients. Orders of derivatives are measured, too; exits as `order`."""
     if model.textbook:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MANY = 8  # methods: more have one legend below the panels
+MANY = 8  # number of methods above which there is one legend below the panels
 PANEL, LINE = 2.7, 0.145  # heights in inches of a panel, and of a line of the legend
 TITLE_WIDTH = 110  # characters
 AXES = {
@@ -31,7 +31,7 @@ AXES = {
 
 @fixed_layout
 def convergence(study: OrderStudy) -> "Figure":
-    """Draw the errors over the step size, one panel per quantity: the fitted order solid, the claimed one dotted.
+    """Draw the errors over the step size, one panel per quantity: fitted orders solid, claimed orders dotted.
 
     Hollow points are not used in the fit: they are below the floor of rounding and reference, or on coarse steps.
     """
@@ -68,7 +68,7 @@ def convergence(study: OrderStudy) -> "Figure":
 
 
 def _observed(found: ObservedOrder) -> str:
-    """Return the observed order, and the claimed one in brackets."""
+    """Return the observed order, and the claimed order in brackets."""
     observed = "-" if found.observed is None else f"{round(found.observed, 2) + 0.0:.2f}"  # + 0.0: no -0.00
     return f"{observed} ({found.claimed})"
 

@@ -1,7 +1,7 @@
 """Verification of derivatives of runs: agreement with difference quotients, and order of convergence.
 
 There are two checks for each method. Its tangent at the coarsest steps is compared with difference quotients of runs
-with the same steps, of order six and several widths; the smallest difference counts, as the others are dominated by
+with the same steps, of order six and several widths; the smallest difference counts, since larger ones are dominated by
 truncation or rounding. And the tangents must converge with the step size to the derivative of the motion with the
 order of the method, by the rules of `mbdae.studies.order.measurement`.
 """
@@ -32,15 +32,15 @@ from ...tolerances import COINCIDENT, EPS, NEGLIGIBLE, THREE_DIGITS
 from ...units import common_unit, quantity, substituted
 from ..factories import factory_of
 from ..sensitivity.sensitivity import sensitivity
-from .measurement import MIN_OUTPUTS, Measurement, Progress, finished
+from .measurement import MIN_OUTPUTS, Measurement, Progress, run_until_interrupted
 from .result import OrderStudy
 
 __all__ = ["check_gradients"]
 
-SIGNIFICANT = 10.0  # times the spread of the quotients: smaller differences are not significant
+SIGNIFICANT = 10.0  # multiple of the spread of the quotients above which a difference is significant
 WIDTHS = (3e-4, 1e-3, 3e-3)  # widths of quotients, relative to the parameter
-MAX_REFINEMENT = 4  # multiple of the coarsest number of steps, if no run with those finishes
-MIN_VELOCITY = NEGLIGIBLE  # fraction of a random admissible velocity: below, the mechanism has no degree of freedom
+MAX_REFINEMENT = 4  # largest multiple of the coarsest number of steps, if coarser runs fail
+MIN_VELOCITY = NEGLIGIBLE  # admissible part of a random velocity, below which there is no degree of freedom
 
 
 @dataclass(frozen=True)
@@ -49,9 +49,9 @@ class GradientStudy(OrderStudy):
 
     Attributes:
         of: name of the parameter.
-        differences: between tangent and difference quotients, relative to the largest derivative, or to a thousandth
-            of the largest |q| or |v| per value of the parameter if that is larger; by method, nan if no run finishes.
-        uncertainties: differences of the two best difference quotients, by method, relative to the same.
+        differences: differences between tangent and difference quotients by method, relative to the largest derivative,
+            or to a thousandth of the largest |q| or |v| over the parameter if that is larger; nan if no run finishes.
+        uncertainties: differences of the two best difference quotients by method, relative to the same scale.
     """
 
     of: str = ""
@@ -102,13 +102,13 @@ def check_gradients(
     """Compare tangents of runs with difference quotients of runs, and observe the order of the derivatives.
 
     Args:
-        mech: a mechanism, or an argument of `mbdae.load`, started as in its order study.
+        mech: a mechanism, or an argument of `mbdae.load`, with the start of its order study.
         methods: a name or several; all half-explicit and Radau IIA methods when left out.
-        parameter: derivatives with respect to this parameter; with respect to a start velocity when left out. A dotted
-            name, as of `mbdae.sensitivity`; the velocity is compatible with the closures.
+        parameter: dotted name of the parameter, as in `mbdae.sensitivity`; when left out, derivatives are those with
+            respect to a start velocity that is compatible with the closures.
         T: end time in s; that of the model when left out.
         steps: coarsest number of steps, at least five. From the model file when left out.
-        model: factory of the mechanism with another parameter; its source files when left out.
+        model: factory of the mechanism for values of the parameter; by default its source files.
         progress: called with the name of each run.
 
     Raises:
@@ -123,18 +123,19 @@ def check_gradients(
     steps = steps if steps is not None else mech.order.steps
     if not is_count(steps, MIN_OUTPUTS):
         raise InputError(f"steps must be a number of at least {MIN_OUTPUTS}, got {steps!r:.60}")
-    backend, because = common_backend(mech, [("index2", None)], "auto")
+    backend, python_reason = common_backend(mech, [("index2", None)], "auto")
     measure = GradientMeasurement(mech, T, steps, progress or (lambda name: None), backend, parameter, model)
-    found, missing = finished(chosen, lambda m: (measure.judge(m), measure.compare_quotients(m)))
+    found, missing = run_until_interrupted(chosen, lambda m: (measure.judge(m), measure.compare_quotients(m)))
     orders = {name: x for name, (x, _) in found.items()}
     differences, uncertainties = ({name: x[i] for name, (_, x) in found.items()} for i in (0, 1))
-    of = parameter or "a velocity of the start"
+    variable = parameter or "a velocity of the start"
     units = _derivative_units(mech, parameter, model)
-    return GradientStudy(mech.title, T, orders, backend, because, missing, of, differences, uncertainties, units=units)
+    errors = (missing, variable, differences, uncertainties)
+    return GradientStudy(mech.title, T, orders, backend, python_reason, *errors, units=units)
 
 
 def _derivative_units(mech: Mechanism, parameter: str | None, model: object) -> dict[str, str]:
-    """Return the units of the derivatives of q and v by a parameter, or by a factor of a velocity, see `OrderStudy`."""
+    """Return the units of dq and dv over a parameter, or over a factor of a velocity, see `OrderStudy`."""
     known = parameter_units(factory_of(mech if model is None else model), [parameter]) if parameter else {}
     found, of = quantity_units(mech), known.get(parameter or "", "")
     quotients = {x: [substituted("y/x", {"y": unit, "x": of or "1"}) for unit in found[x].split(", ")] for x in "qv"}
@@ -144,7 +145,7 @@ def _derivative_units(mech: Mechanism, parameter: str | None, model: object) -> 
 class GradientMeasurement(Measurement):
     """Runs with fixed steps and their derivatives with respect to one parameter."""
 
-    largest = 24_000  # solves of a run with tangent
+    largest = 24_000  # largest number of solves of a run with tangent
 
     def __init__(
         self,
@@ -215,11 +216,11 @@ class GradientMeasurement(Measurement):
             h, stencil = feasible_stencil(lambda by: make({name: self.value + by}), h)
         differences: dict[int, Array] = {}
         for k in stencil:
-            other = self.run(method, n, self.value + k * h)
-            if other is None or other.in_use != sol.in_use or len(other.t) != len(sol.t):
+            perturbed = self.run(method, n, self.value + k * h)
+            if perturbed is None or perturbed.in_use != sol.in_use or len(perturbed.t) != len(sol.t):
                 return None
-            dq = [self.mech.manifold.difference(a, b) for a, b in zip(sol.q, other.q, strict=True)]
-            differences[k] = np.hstack([np.array(dq), other.y[:, nq : nq + self.mech.nv] - sol.v])
+            dq = [self.mech.manifold.difference(a, b) for a, b in zip(sol.q, perturbed.q, strict=True)]
+            differences[k] = np.hstack([np.array(dq), perturbed.y[:, nq : nq + self.mech.nv] - sol.v])
         return np.asarray(central_difference(differences, h))
 
     def claims(self, tableau: Method) -> tuple[list[int], int]:

@@ -1,6 +1,6 @@
 """Measurement of observed orders.
 
-The error is the largest over the ends of the steps of the coarsest run, five or more. Errors count above 100 times the
+The error is the largest over the nodes of the coarsest run, at least five. Errors count above 100 times the
 uncertainty of the reference plus the rounding floor; the floor of the method's multipliers is eps / (h min |ahat_ii|),
 or of the order of eps / h^2 for forms of index 3 (Bottasso, Bauchau, Cardona, SIAM J. Sci. Comput. 29 (2007)), separate
 from that of q and v. The reference is computed by two other methods, and their difference is its uncertainty. The steps
@@ -27,10 +27,10 @@ from .rates import ABOVE, REFINEMENTS, above, done, fit
 from .result import ObservedOrder
 
 MIN_OUTPUTS = 5
-PARTS = 2, 4  # intervals of a halving between additional steps
-LARGEST_RUN = 120_000  # solves in one run of the study
+SUBDIVISIONS = 2, 4  # numbers of intervals into which a halving is divided by additional steps
+LARGEST_RUN = 120_000  # largest number of solves in one run of the study
 Progress = Callable[[str], None]
-Found = TypeVar("Found")
+Result = TypeVar("Result")
 
 
 class Measurement:
@@ -116,7 +116,7 @@ class Measurement:
 
     def _finest(self, method: Method) -> tuple[Array, ...]:
         """Refine until the differences of successive runs no longer decrease because of rounding."""
-        if (coarse := self._at_rounding(method)) is not None:
+        if (coarse := self._samples_at_rounding(method)) is not None:
             return coarse
         n, last, last_difference = 16 * self.steps, None, np.inf
         while n * method.solves <= self.largest // 2:
@@ -137,7 +137,7 @@ class Measurement:
             )
         return last
 
-    def _at_rounding(self, method: Method) -> tuple[Array, ...] | None:
+    def _samples_at_rounding(self, method: Method) -> tuple[Array, ...] | None:
         """Return samples of a run with few steps if doubling them changes these only by rounding, else None."""
         coarse, fine = (self.run(method, n) for n in (self.steps, 2 * self.steps))
         if coarse is None or fine is None:
@@ -174,9 +174,9 @@ class Measurement:
         return found, len(found) if self.system.nz else len(found) - 2
 
     def judge(self, tableau: Method) -> tuple[ObservedOrder, ...]:
-        """Halve the steps of a method until its slopes can be judged, or cannot improve; then add others."""
+        """Halve the steps of a method until slopes can be judged, or cannot improve; then add intermediate steps."""
         reference, uncertainty = self.reference(tableau.name)
-        samples, stride = self._halved(tableau, reference, uncertainty), 1
+        samples, stride = self._halve_steps(tableau, reference, uncertainty), 1
         slopes = self._slopes(tableau, samples, reference, uncertainty)
         while self.lower and self.steps % (2 * stride) == 0 and self.steps // (2 * stride) >= MIN_OUTPUTS:
             if all(above(s.errors, s.floors) > REFINEMENTS for s in slopes):
@@ -184,34 +184,34 @@ class Measurement:
             stride *= 2
             reference, *previous = (tuple(x[1::2] for x in found) for found in (reference, *samples.values()))
             samples = dict(zip(samples, previous, strict=True))
-            samples = self._added(tableau, [self.steps // stride], stride, samples)
+            samples = self._add_runs(tableau, [self.steps // stride], stride, samples)
             slopes = self._slopes(tableau, samples, reference, uncertainty)
-        for parts in PARTS:
+        for parts in SUBDIVISIONS:
             useful = max((above(s.errors, s.floors) for s in slopes if not s.is_conclusive), default=0)
             between = self.between([*samples][:useful], parts, self.steps // stride)
             ns = [n for n in between if n not in samples]
-            samples = self._added(tableau, ns, stride, samples)
+            samples = self._add_runs(tableau, ns, stride, samples)
             slopes = self._slopes(tableau, samples, reference, uncertainty) if ns else slopes
         return slopes
 
-    def _halved(
+    def _halve_steps(
         self, tableau: Method, reference: tuple[Array, ...], uncertainty: Array
     ) -> dict[int, tuple[Array, ...]]:
-        """Return samples by number of steps, the steps halved until rates agree or errors are below their floors."""
+        """Halve the steps until rates agree or errors are below their floors; return samples by number of steps."""
         samples: dict[int, tuple[Array, ...]] = {}
         n = self.steps
         while n * tableau.solves <= self.largest:
-            if n in (samples := self._added(tableau, [n], 1, samples)):
+            if n in (samples := self._add_runs(tableau, [n], 1, samples)):
                 slopes = self._slopes(tableau, samples, reference, uncertainty)
                 if all(done(s.steps, s.errors, s.floors) for s in slopes):
                     break
             n *= 2
         return samples
 
-    def _added(
+    def _add_runs(
         self, tableau: Method, ns: list[int], stride: int, samples: dict[int, tuple[Array, ...]]
     ) -> dict[int, tuple[Array, ...]]:
-        """Return samples with those of more runs, coarse steps first; runs that fail or are too long add none."""
+        """Return samples with those of further runs, coarse steps first; failed and too long runs add none."""
         runs = {n: self.run(tableau, n) for n in ns if n * tableau.solves <= self.largest}
         new = {n: self.sample(sol, stride) for n, sol in runs.items() if sol is not None}
         return dict(sorted((samples | new).items()))
@@ -252,15 +252,15 @@ class Measurement:
         )
 
 
-def finished(
-    methods: Mapping[str, Method], study: Callable[[Method], Found]
-) -> tuple[dict[str, Found], tuple[str, ...]]:
-    """Return the results of a study by method, and the remaining methods if the user stops it.
+def run_until_interrupted(
+    methods: Mapping[str, Method], study: Callable[[Method], Result]
+) -> tuple[dict[str, Result], tuple[str, ...]]:
+    """Study methods one after another; return the results by method, and the remaining methods after Ctrl-C.
 
     Raises:
         KeyboardInterrupt: if none is finished.
     """
-    out: dict[str, Found] = {}
+    out: dict[str, Result] = {}
     try:
         for name, method in methods.items():
             out[name] = study(method)

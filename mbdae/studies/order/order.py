@@ -13,7 +13,7 @@ from ...methods import method as find_method
 from ...methods.uncompiled import uncompiled
 from ...solution.problem import problem_of
 from ...solution.solution import Problem
-from .measurement import MIN_OUTPUTS, Measurement, Progress, finished
+from .measurement import MIN_OUTPUTS, Measurement, Progress, run_until_interrupted
 from .result import OrderStudy
 
 __all__ = ["order"]
@@ -35,7 +35,7 @@ def order(
 
     Args:
         problem: a mechanism (started from its model file's state), a textbook problem, or the name or path of one.
-        methods: a name or several, or tableaus; ``"all"`` that the problem admits when left out.
+        methods: a name or several, or tableaus; when left out ``"all"`` that support the problem.
         T: end time in s; that of the model when left out.
         steps: coarsest number of steps, at least five. When left out that of the model file, or fewer if slopes cannot
             be judged otherwise.
@@ -54,27 +54,31 @@ def order(
     if steps < MIN_OUTPUTS:
         raise InputError(f"steps must be at least {MIN_OUTPUTS}, got {steps = }")
     start = mech.assemble(mech.order.q, mech.order.v) if mech and (mech.order.q or mech.order.v) else None
-    backend, because = common_backend(problem, [("index2", None)], "auto")
+    backend, python_reason = common_backend(problem, [("index2", None)], "auto")
     measure = Measurement(problem, T, steps, start, progress or (lambda name: None), backend)
     measure.lower = lower
-    orders, missing = finished(chosen, measure.judge)
-    return OrderStudy(problem.title, T, orders, backend, uncompiled(chosen.values(), because), missing,
+    orders, missing = run_until_interrupted(chosen, measure.judge)
+    return OrderStudy(problem.title, T, orders, backend, uncompiled(chosen.values(), python_reason), missing,
                       units=quantity_units(mech) if mech else {})  # fmt: skip
 
 
 def _chosen(problem: Problem, names: list[Any]) -> dict[str, Method]:
-    """Return methods by name; of ``["all"]`` those that can step the problem."""
-    return {m.name: m for m in map(_stepped, _admitted(problem) if names == ["all"] else names)}
+    """Return methods by name; for ``["all"]`` those that support the problem."""
+    return {m.name: m for m in map(_fixed_step_method, _supported_methods(problem) if names == ["all"] else names)}
 
 
-def _stepped(name: str | Method) -> Method:
-    """Return a method, which takes fixed steps."""
+def _fixed_step_method(name: str | Method) -> Method:
+    """Return a method that takes fixed steps.
+
+    Raises:
+        InputError: for a solver with step-size control only.
+    """
     if isinstance(name, str) and name in SOLVERS:
         raise InputError(f"method {name!r} controls the step size, orders are those of fixed steps")
     return find_method(name)
 
 
-def _admitted(problem: Problem) -> list[Method]:
-    """Return the methods that can step a problem."""
+def _supported_methods(problem: Problem) -> list[Method]:
+    """Return the methods that support a problem."""
     system = problem.system()
     return [m for m in METHODS.values() if not obstacle(m, system)]

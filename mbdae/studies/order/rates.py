@@ -3,9 +3,9 @@
 The slope is a least-squares fit over the four finest refinements of the step whose rates agree, or else the four
 finest; a refinement is a halving or a smaller ratio. With error = C h^p (1 + O(h)) the rate between two steps is
 p + O(h): each halving halves its remaining change. Rates that change more than that (long steps, or cancelling errors
-of several orders) are not the order. If they end above a claim, the slope is that of the last two refinements; if they
-have fallen through it, the result is undecided. They refute it only if the last one misses it even after the total
-change over the four, and if errors are small compared with the motion.
+of several orders) are not the order. If they rise above a claim, the slope is that of the last two refinements; if they
+have fallen below it, the result is undecided. They refute it only if the last rate plus the total change over the four
+is still below it, and if errors are small compared with the motion.
 """
 
 from collections.abc import Sequence
@@ -16,10 +16,10 @@ from ...system import Array
 from .result import ObservedOrder
 
 REFINEMENTS, LAST = 4, 2  # refinements to which an order is fitted; the last ones, if rates rise above the claim
-MARGIN = 0.2  # by which an observed order may be below the claim
-ABOVE = 100.0  # times rounding and the uncertainty of the reference: smaller errors do not count
-LARGE = 0.1  # fraction of the change of a quantity: larger errors are not dominated by the leading order
-CONSTANT = 0.1  # spread of the last slopes below which finer steps add nothing
+MARGIN = 0.2  # allowed difference of an observed order below the claim
+ABOVE = 100.0  # multiple of rounding and reference uncertainty above which errors count
+LARGE = 0.1  # fraction of the change of a quantity above which errors are not dominated by the leading order
+CONSTANT = 0.1  # spread of the last slopes below which finer steps are not needed
 
 
 def fit(
@@ -44,12 +44,12 @@ def fit(
         counted = f"only {end - 1} refinement{'s' * (end != 2)}" if end else "no error"
         if end == len(ns):
             none = f"no run was completed, {failure}" if failure else "no run was completed"
-            what = f"{counted} within {largest} solves" if end else none
+            reason = f"{counted} within {largest} solves" if end else none
         elif 2 * ABOVE * uncertainty > floors[end]:
-            what = f"{counted} above {ABOVE:g} times the uncertainty of the reference, {uncertainty:.1e}"
+            reason = f"{counted} above {ABOVE:g} times the uncertainty of the reference, {uncertainty:.1e}"
         else:
-            what = f"{counted} above {ABOVE:g} times rounding"
-        return ObservedOrder(quantity, claimed, None, f"cannot be judged: {what}", *record)
+            reason = f"{counted} above {ABOVE:g} times rounding"
+        return ObservedOrder(quantity, claimed, None, f"cannot be judged: {reason}", *record)
     first = end - 1 - REFINEMENTS
     x, y = np.log2(ns[first:end]), -np.log2(errors[first:end])
     last, verdict = assess(x, y, claimed - MARGIN)
@@ -57,8 +57,8 @@ def fit(
         changing = ", ".join(f"{rate:.2f}" for rate in np.diff(y) / np.diff(x))
         return ObservedOrder(quantity, claimed, None, f"cannot be judged: rates still change, {changing}", *record)
     if verdict == "misses" and errors[first] > LARGE * change > 0:
-        what = f"errors are up to {errors[first]:.1e}, where it changes by {change:.1e}"
-        return ObservedOrder(quantity, claimed, None, f"cannot be judged: {what}", *record)
+        reason = f"errors are up to {errors[first]:.1e}, where it changes by {change:.1e}"
+        return ObservedOrder(quantity, claimed, None, f"cannot be judged: {reason}", *record)
     return ObservedOrder(
         quantity, claimed, fit_slope(x[-1 - last :], y[-1 - last :]), verdict, *record, (end - 1 - last, end)
     )
@@ -73,7 +73,7 @@ def assess(x: Array, y: Array, lowest: float) -> tuple[int, str]:
     """Compare four refinements, -log2 of the errors over log2 of the steps, with the smallest order that holds.
 
     Returns:
-        The number of last ones to which the slope is fitted, and ``"holds"``, ``"misses"``, or "" if undecided.
+        The number of last refinements to which the slope is fitted; ``"holds"``, ``"misses"``, or "" if undecided.
     """
     rates, fitted, last = np.diff(y) / np.diff(x), fit_slope(x, y), fit_slope(x[-1 - LAST :], y[-1 - LAST :])
     change, increments = float(np.ptp(rates)), np.diff(rates)
@@ -85,20 +85,20 @@ def assess(x: Array, y: Array, lowest: float) -> tuple[int, str]:
 
 
 def above(errors: Sequence[float], floors: Sequence[float]) -> int:
-    """Return the number of errors, coarse steps first, above the floor; before the first one below it."""
-    good = [e > f for e, f in zip(errors, floors, strict=True)]
-    return good.index(False) if False in good else len(good)
+    """Return the number of errors, coarse steps first, before the first error below its floor."""
+    is_above = [e > f for e, f in zip(errors, floors, strict=True)]
+    return is_above.index(False) if False in is_above else len(is_above)
 
 
 def rates_between(ns: Sequence[int], errors: Sequence[float]) -> Array:
-    """Return the rates between successive numbers of steps, of which there may be more than errors."""
+    """Return the rates between successive numbers of steps; ns may be longer than errors."""
     return -np.diff(np.log2(errors)) / np.diff(np.log2(ns[: len(errors)]))
 
 
 def asymptotic(ns: Sequence[int], errors: Sequence[float]) -> int:
     """Return the number of errors up to the last four refinements whose rates agree; all if there are none.
 
-    Steps are halved further for other quantities, which accumulates rounding of many steps beyond its floor.
+    Finer steps, which other quantities require, may accumulate rounding above the estimated floor.
     """
     found = rates_between(ns, errors)
     ends = range(len(errors), REFINEMENTS, -1)

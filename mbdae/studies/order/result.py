@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-DIVERGENT = 0.2  # observed orders below it are those of an error that does not tend to zero
-MAX_DETAILED = 3  # methods for which the text has tables of errors
+DIVERGENT = 0.2  # observed order below which an error does not tend to zero
+MAX_DETAILED = 3  # largest number of methods for which the text has tables of errors
 
 
 @dataclass(frozen=True)
 class ObservedOrder:
-    """One quantity of one method.
+    """Observed order of one quantity of one method.
 
     Attributes:
         quantity: q, v, own lam (of the method) or lam (hidden constraint); y, own z or z of a textbook problem.
@@ -30,8 +30,8 @@ class ObservedOrder:
         observed: fitted slope, None if it cannot be judged.
         verdict: ``"holds"`` (observed >= claimed - 0.2), ``"misses"`` or the reason why it cannot be judged.
         steps: numbers of steps.
-        errors: the errors there.
-        floors: 100 times the uncertainty and rounding floor there.
+        errors: errors of these runs.
+        floors: 100 times the uncertainty and rounding of these runs.
         fitted: first and last plus one of the errors that the slope is fitted to.
     """
 
@@ -68,14 +68,14 @@ class OrderStudy(Tabular):
     """Result of `order`.
 
     Attributes:
-        title: of the problem.
+        title: title of the problem.
         T: end time in s.
-        orders: by method.
-        backend: of all runs.
+        orders: observed orders by method.
+        backend: back end of all runs.
         because: why runs cannot use the compiled core, in words; "" if they can.
         missing: the methods that remained when the user stopped the study.
         machine: the machine, whose arithmetic determines rounding.
-        units: of the errors by quantity, a list for coordinates of several; none for a textbook problem.
+        units: units of the errors by quantity, a list if coordinates have several; none for a textbook problem.
     """
 
     title: str
@@ -123,7 +123,7 @@ class OrderStudy(Tabular):
         return [["method", *quantities], *rows]
 
     def remarks(self) -> list[str]:
-        """Return missed claims, undecided ones, and missing methods."""
+        """Return missed and undecided claims, and missing methods."""
         pairs = [(name, s) for name, row in self.orders.items() for s in row]
         return [f"{name}, {s.quantity}: {s.verdict}" for name, s in pairs if s.verdict != "holds"] + self.missing_text()
 
@@ -157,7 +157,7 @@ class OrderStudy(Tabular):
     def to_columns(self) -> Columns:
         """Return a row for each error, with the step, its floor, the rate, and the claimed and the fitted order.
 
-        Errors and floors are in the units in which results are shown, which are in a column if there are any.
+        Errors and floors are in display units, which are in a column if there are any.
         """
         rows = [
             (name, s.quantity, n, self.T / n, *self._shown(error, floor, s), rate, s.claimed, s.observed,

@@ -54,12 +54,12 @@ class Branch(Tabular):
     """Result of `periodic_branch`.
 
     Attributes:
-        name: of the parameter.
-        points: of the branch, in order.
-        bifurcations: located on it.
-        message: why it ended; empty at the end of the range.
-        path: the equations, for branches that begin on this one.
-        unit: of the parameter; "" if unknown.
+        name: name of the parameter.
+        points: points of the branch, in order.
+        bifurcations: bifurcations of the branch.
+        message: why the branch ended; empty at the end of the range.
+        path: equations of the branch, from which further branches begin.
+        unit: unit of the parameter; "" if unknown.
     """
 
     name: str
@@ -94,7 +94,7 @@ class Branch(Tabular):
 
         Args:
             at: a period doubling of this branch.
-            step: first distance along it, in rad and characteristic lengths.
+            step: first distance along the new branch, in rad and characteristic lengths.
 
         Raises:
             InputError: for another bifurcation, or if no motion of twice the period is found.
@@ -125,7 +125,7 @@ class Branch(Tabular):
 
         Args:
             path: file to write.
-            signal: whose extrema are drawn; the first coordinate when left out.
+            signal: signal whose extrema are drawn; the first coordinate when left out.
 
         Raises:
             InputError: for another format, or an unwritable path.
@@ -172,24 +172,24 @@ def periodic_branch(
     rtol: float = RTOL,
     start: Mapping[str, Any] | None = None,
 ) -> Branch:
-    """Follow a periodic motion over a parameter, through folds, and locate where its stability changes or it grazes.
+    """Follow a periodic motion over a parameter, through folds, and locate changes of stability and grazing.
 
     Args:
         model: a mechanism that was loaded, an argument of `mbdae.load`, or a function of the parameter.
-        name: of the parameter, as in `mbdae.sweep`.
-        first: its value at the beginning.
-        last: its value at the end.
-        T: period in s: given if the mechanism is driven, else an estimate.
+        name: name of the parameter, as in `mbdae.sweep`.
+        first: value of the parameter at the beginning.
+        last: value of the parameter at the end.
+        T: period in s: fixed if the mechanism is driven, else an estimate.
         q: guess of the configuration at ``first``: joint = value, or (nq,).
         v: guess of the velocity: joint = value, or (nv,).
         s: guess of the states of forces, (ns,).
         section: signal and level at which a period begins and ends.
-        symmetry: along which the motion advances in a period, see `mbdae.periodic`.
-        exchange: joints that change places at the end of a period, see `mbdae.periodic`.
-        segments: number of segments of the period, shot separately.
-        method: of the runs.
+        symmetry: symmetry along which the motion advances in a period, see `mbdae.periodic`.
+        exchange: joints that are exchanged at the end of a period, see `mbdae.periodic`.
+        segments: number of segments of multiple shooting.
+        method: method of the runs.
         rtol: relative tolerance of the runs.
-        start: other parameters, constant.
+        start: further parameters, constant.
 
     Raises:
         InputError: if no periodic motion is found at ``first``.
@@ -199,18 +199,18 @@ def periodic_branch(
     if not (is_number(first) and is_number(last) and first != last):
         raise InputError(f"the range of {name!r} is two different numbers, got {first!r:.40} and {last!r:.40}")
     first, last = float(first), float(last)  # numpy's single precision would end the branch
-    factory, rest = factory_of(model), dict(start or {})
-    factory.check({n: x for n, x in {**rest, name: first}.items() if n not in factory.parameters})
-    mech = factory.make({**rest, name: first})
-    path = BranchPath(factory, Range(name, first, last), rest, run_options(mech, method, rtol), GAP * rtol)
+    factory, constants = factory_of(model), dict(start or {})
+    factory.check({n: x for n, x in {**constants, name: first}.items() if n not in factory.parameters})
+    mech = factory.make({**constants, name: first})
+    path = BranchPath(factory, Range(name, first, last), constants, run_options(mech, method, rtol), GAP * rtol)
     y = start_point(mech, q, v, s)
     cycle, guess = guess_of(path.flow(first, 0.0, y), y, T, 0.0, section, symmetry, segments, exchange)
-    other = factory.make({**rest, name: last})
+    other = factory.make({**constants, name: last})
     require_same_directions(cycle, guess.nodes[0][: mech.nq], other, name)
     if cycle.period_is_given:
         with suppress(InputError):  # of functions whose period is not known
             cycle = replace(cycle, periods=guess.T / path.period(first))
-    found = newton(path.equations(cycle, guess, first), path.tolerance).refined()
+    found = newton(path.equations(cycle, guess, first), path.tolerance).refine_steps()
     path.options = found.flow.options
     found = newton(found, path.tolerance)
     require_motion(found)
@@ -229,7 +229,7 @@ def periodic_branch(
 
 
 def require_same_directions(cycle: Cycle, q: Array, other: Mechanism, name: str) -> None:
-    """Require that motions of all bodies have the same directions in a mechanism with another value of a parameter.
+    """Require that motions of all bodies have the same directions for another value of the parameter.
 
     Raises:
         InputError: names a symmetry whose direction changes.
@@ -237,13 +237,13 @@ def require_same_directions(cycle: Cycle, q: Array, other: Mechanism, name: str)
     for symmetry in cycle.symmetries:
         if not symmetry.moves_bodies:
             continue
-        (there,) = Symmetry.named(other.system(), [symmetry.name])
-        if np.abs(there.twist(q) - symmetry.twist(q)).max() > VISIBLE:
+        (other_symmetry,) = Symmetry.named(other.system(), [symmetry.name])
+        if np.abs(other_symmetry.twist(q) - symmetry.twist(q)).max() > VISIBLE:
             raise InputError(f"symmetry {symmetry.name!r} turns with {name!r}: turn gravity instead of the ground")
 
 
 def require_same_period(found: ShootingEquations, other: Mechanism, name: str) -> None:
-    """Require that a given period that cannot follow the functions of time is theirs for another value, too.
+    """Require that a fixed period is that of the functions of time also for another value of the parameter.
 
     Raises:
         InputError: naming the parameter.
@@ -252,7 +252,7 @@ def require_same_period(found: ShootingEquations, other: Mechanism, name: str) -
     if cycle.periods or not cycle.period_is_given or cycle.exchange:
         return
     points = [p for run in found.runs for p in points_of(run)]
-    if not has_period(other, found.at.T, points, found.at.shifts):
+    if not has_period(other, found.guess.T, points, found.guess.shifts):
         raise InputError(
             f"the period of forces and drivers changes with {name!r}: a branch follows that of harmonic functions,"
             " periodic tables, sampled controllers and constant speeds of joints that turn"

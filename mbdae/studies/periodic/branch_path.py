@@ -38,7 +38,7 @@ from .shooting.cycle import Cycle, Guess, ShootingEquations
 from .shooting.exchange import Exchange
 from .shooting.flow import Flow
 
-FIRST_STEP, MAX_STEP, MIN_STEP = 0.02, 0.1, SMALLEST_PART  # in rad, characteristic lengths, parts of the range
+FIRST_STEP, MAX_STEP, MIN_STEP = 0.02, 0.1, SMALLEST_PART  # in rad, characteristic lengths, fractions of the range
 MAX_POINTS, MAX_CORRECTIONS, MAX_HALVINGS, GROWTH, MIN_COSINE = 500, 8, 10, 1.5, 0.9
 
 
@@ -54,25 +54,26 @@ class BranchPath:
     """The equations of a periodic motion over a parameter.
 
     Args:
-        factory: of the mechanisms.
+        factory: factory of the mechanisms.
         over: the parameter and its range.
-        rest: other parameters, constant.
-        options: of the runs.
-        tolerance: of the residual.
+        constants: further parameters, constant.
+        options: options of the runs.
+        tolerance: tolerance of the residual.
     """
 
     def __init__(
         self,
         factory: ParametricFactory,
         over: Range,
-        rest: Mapping[str, Any],
+        constants: Mapping[str, Any],
         options: Mapping[str, Any],
         tolerance: float,
     ) -> None:
-        self.factory, self.over, self.rest, self.options, self.tolerance = factory, over, rest, options, tolerance
+        self.factory, self.over, self.constants = factory, over, constants
+        self.options, self.tolerance = options, tolerance
 
     def flow(self, value: float, t: float, y: Array, mode: tuple[int, ...] = ()) -> Flow:
-        """Return the runs at a value of the parameter, whose derivatives are accurate at a point, in a mode.
+        """Return the runs at a value of the parameter, with accurate derivatives at a point, in a mode.
 
         Raises:
             UnknownNameError, InputError: for an invalid value.
@@ -80,7 +81,7 @@ class BranchPath:
         name = self.over.name
 
         def make(values: Mapping[str, float]) -> Any:
-            return self.factory.make({**self.rest, **values})
+            return self.factory.make({**self.constants, **values})
 
         mech = make({name: value})
         q, v, s, _ = np.split(y, np.cumsum([mech.nq, mech.nv, len(mech.states)]))
@@ -89,15 +90,16 @@ class BranchPath:
         return Flow(parameters.mech, parameters, self.options)
 
     def equations(self, cycle: Cycle, guess: Guess, value: float) -> ShootingEquations:
-        """Return the equations at a guess and a value of the parameter; its nodes are made consistent.
+        """Return the equations at a guess, with consistent nodes, and a value of the parameter.
 
         Raises:
-            MbdaeError: if that is not possible, or the runs fail.
+            MbdaeError: if nodes cannot be made consistent, or the runs fail.
         """
         flow, T, by_value = self.flow(value, cycle.t, guess.nodes[0], *guess.modes[:1]), guess.T, 0.0
         if cycle.periods:
             (low, high), h = sorted(self.over[1:]), INTERPOLATION * abs(self.over.last - self.over.first)
-            low, high = max(value - h, min(value, low)), min(value + h, max(value, high))  # others may be invalid
+            # values outside the range may be invalid
+            low, high = max(value - h, min(value, low)), min(value + h, max(value, high))
             T, before, after = (cycle.periods * self.period(x) for x in (value, low, high))
             by_value = (after - before) / (high - low)
         system = flow.mechanism.system()
@@ -107,122 +109,122 @@ class BranchPath:
             system.enter(guess.modes[i] if guess.modes else system.mode)
             system.derivative(cycle.t, y)
             nodes.append(system.project_state(cycle.t + T * i / cycle.segments, y))
-        guess = replace(guess, nodes=nodes, T=T, period_by_parameter=by_value)
+        guess = replace(guess, nodes=nodes, T=T, dT_dp=by_value)
         return ShootingEquations(system, flow, replace(cycle, symmetries=symmetries), guess)
 
     def period(self, value: float) -> float:
         """Return the period of functions of time at a value of the parameter.
 
         Raises:
-            InputError: if they have none that is known.
+            InputError: if the period is not known.
         """
-        return period_of_functions(self.factory.make({**self.rest, self.over.name: value}))
+        return period_of_functions(self.factory.make({**self.constants, self.over.name: value}))
 
     def scales(self, at: ShootingEquations) -> Array:
         """Return the units of the unknowns: 1, T, 1, and the range of the parameter."""
         out = np.ones(at.matrix.shape[1])
         if at.cycle.unknown_period:
-            out[at.n * at.cycle.segments] = at.at.T
+            out[at.n * at.cycle.segments] = at.guess.T
         out[-1] = self.over.last - self.over.first
         return out
 
     def point(self, at: ShootingEquations, before: BranchMotion | None, along: Array | None = None) -> BranchMotion:
-        """Return a point of the branch with its tangent, in the direction of that before, or of growing parameter."""
+        """Return a point of the branch; its tangent is directed as the previous one, or with increasing parameter."""
         value = at.flow.parameters.values[self.over.name]
         x = np.linalg.svd(at.matrix * self.scales(at))[2][-1]
-        direction = self.transported(at, before) if before else along
+        direction = self.transport_tangent(at, before) if before else along
         if direction is None:
             direction = np.eye(len(x))[-1]
         x *= 1.0 if x @ direction >= 0 else -1.0
         return BranchMotion(value, motion_of(at), self.physical(at, x))
 
     def physical(self, at: ShootingEquations, x: Array) -> tuple[Array, Array]:
-        """Return a tangent as variations of the nodes, (k, ny), and of the other unknowns in their units."""
+        """Return a tangent as derivatives of the nodes, (k, ny), and of the remaining unknowns in their units."""
         k, n = at.cycle.segments, at.n
         nodes = np.array([lift @ x[i * n : (i + 1) * n] for i, lift in enumerate(at.lifts)])
         return nodes, x[n * k :]
 
-    def transported(self, at: ShootingEquations, point: BranchMotion) -> Array:
-        """Return the tangent of a point in the coordinates of other equations, of unit length."""
-        nodes, rest = point.tangent
-        parts = [
+    def transport_tangent(self, at: ShootingEquations, point: BranchMotion) -> Array:
+        """Return the unit tangent of a point in the local coordinates of equations at a neighbouring point."""
+        nodes, unknowns = point.tangent
+        blocks = [
             chart.coordinate_tangents(y, dy[:, None])[:, 0]
-            for chart, y, dy in zip(at.charts, at.at.nodes, nodes, strict=True)
+            for chart, y, dy in zip(at.charts, at.guess.nodes, nodes, strict=True)
         ]
-        x = np.concatenate([*parts, rest])
+        x = np.concatenate([*blocks, unknowns])
         return np.asarray(x / np.linalg.norm(x))
 
-    def step(self, here: BranchMotion, h: float) -> BranchMotion | None:
-        """Return the point after a step of length h, along which the branch turns little; None if it fails."""
-        found = self.across(here, h)
+    def step(self, start: BranchMotion, h: float) -> BranchMotion | None:
+        """Return the point after a step of length h; None if it fails, or the tangent turns too much."""
+        found = self.across(start, h)
         if found is None:
             return None
         at = found.motion.shooting
-        return found if self.transported(at, here) @ self.transported(at, found) >= MIN_COSINE else None
+        return found if self.transport_tangent(at, start) @ self.transport_tangent(at, found) >= MIN_COSINE else None
 
-    def across(self, here: BranchMotion, h: float) -> BranchMotion | None:
-        """Return the point of the branch across the tangent of a point, at distance h along it; None if it fails."""
-        at = here.motion.shooting
+    def across(self, start: BranchMotion, h: float) -> BranchMotion | None:
+        """Return the point of the branch on the normal plane at distance h along the tangent; None if it fails."""
+        at = start.motion.shooting
         try:
-            x = self.transported(at, here) * self.scales(at)
-            there = self.equations(at.cycle, at.moved(h * x[:-1]), here.value + h * float(x[-1]))
-            return self.corrected(there, here)
+            x = self.transport_tangent(at, start) * self.scales(at)
+            end = self.equations(at.cycle, at.guess_after(h * x[:-1]), start.value + h * float(x[-1]))
+            return self.correct(end, start)
         except (MbdaeError, np.linalg.LinAlgError):
             return None
 
-    def corrected(self, at: ShootingEquations, before: BranchMotion) -> BranchMotion | None:
-        """Return the point of the branch across the tangent of the point before; None if Newton's method fails."""
+    def correct(self, at: ShootingEquations, before: BranchMotion) -> BranchMotion | None:
+        """Return the point of the branch on a plane normal to the previous tangent; None if Newton's method fails."""
         last = np.inf
         for _ in range(MAX_CORRECTIONS):
             if at.size <= EVALUATION_ROUNDING or (at.size <= self.tolerance and at.size > last / 2):
                 break
-            last, scales, direction = at.size, self.scales(at), self.transported(at, before)
+            last, scales, direction = at.size, self.scales(at), self.transport_tangent(at, before)
             right = np.zeros(len(at.matrix) + 1)
             right[: len(at.residual)] = -at.residual
             x = np.linalg.lstsq(np.vstack([at.matrix * scales, direction]), right)[0] * scales
             value = at.flow.parameters.values[self.over.name] + float(x[-1])
-            at = self.equations(at.cycle, at.moved(x[:-1]), value)
+            at = self.equations(at.cycle, at.guess_after(x[:-1]), value)
         return self.point(at, before) if at.size <= self.tolerance else None
 
     def run(self, first: BranchMotion, h: float = FIRST_STEP) -> tuple[list[BranchMotion], list[Bifurcation], str]:
-        """Follow a branch from a point to the end of the range; return points, bifurcations and why it ended early."""
-        here, points, found, nearest = first, [first], list[Bifurcation](), GrazingMonitor(first)
+        """Follow a branch from a point to the end of the range; return points, bifurcations and why it ended before."""
+        start, points, found, monitor = first, [first], list[Bifurcation](), GrazingMonitor(first)
         low, high = sorted(self.over[1:])
         while len(points) < MAX_POINTS:
-            there = (self.across if nearest.passing else self.step)(here, h)
-            if there is None:
+            end = (self.across if monitor.passing else self.step)(start, h)
+            if end is None:
                 h /= 2
                 if h < MIN_STEP:
-                    return points, found, f"ends at {self.over.name} = {here.value:.9g}: no motion is found beyond"
+                    return points, found, f"ends at {self.over.name} = {start.value:.9g}: no motion is found beyond"
                 continue
-            if ended := not low <= there.value <= high:
-                h, there = self.located(here, h, partial(_beyond, low if there.value < low else high))
-            found += [] if nearest.passing else self.bifurcations(here, there, h)
-            points.append(there)
+            if ended := not low <= end.value <= high:
+                h, end = self.locate_zero(start, h, partial(_beyond, low if end.value < low else high))
+            found += [] if monitor.passing else self.bifurcations(start, end, h)
+            points.append(end)
             if ended:
                 return points, found, ""
-            if grazing := nearest.grazing(there, h):
+            if grazing := monitor.grazing(end, h):
                 found.append(grazing)
-                if nearest.terminal:
+                if monitor.terminal:
                     return points, found, f"ends where {grazing.grazed!r} is grazed: there is no derivative beyond"
-                h = FIRST_STEP  # across the point, where the branch has a corner
-            here, h = there, nearest.limited(min(MAX_STEP, GROWTH * h))
-        return points, found, f"ends at {self.over.name} = {here.value:.9g} after {MAX_POINTS} points"
+                h = FIRST_STEP  # crosses the corner of the branch
+            start, h = end, monitor.limit_step(min(MAX_STEP, GROWTH * h))
+        return points, found, f"ends at {self.over.name} = {start.value:.9g} after {MAX_POINTS} points"
 
-    def located(
-        self, here: BranchMotion, h: float, value: Callable[[BranchMotion], float]
+    def locate_zero(
+        self, start: BranchMotion, h: float, value: Callable[[BranchMotion], float]
     ) -> tuple[float, BranchMotion]:
         """Return the step length at a sign change of a value, and the point."""
-        return locate(self.across, here, h, value, "periodic motions")  # where a corner is passed, `step` rejects h
+        return locate(self.across, start, h, value, "periodic motions")  # `step` would reject h at a corner
 
-    def bifurcations(self, here: BranchMotion, there: BranchMotion, h: float) -> list[Bifurcation]:
+    def bifurcations(self, start: BranchMotion, end: BranchMotion, h: float) -> list[Bifurcation]:
         """Return the bifurcations of a step, in order."""
         out = list[tuple[float, Bifurcation]]()
-        crossed = [kind for kind, test in TESTS.items() if test(here) * test(there) < 0]
+        crossed = [kind for kind, test in TESTS.items() if test(start) * test(end) < 0]
         if "fold" in crossed:
             crossed = [kind for kind in crossed if kind != "branch"]
         for kind in crossed:
-            length, at = self.located(here, h, TESTS[kind])
+            length, at = self.locate_zero(start, h, TESTS[kind])
             if kind != "neimark-sacker" or _has_complex_pair(at.motion.multipliers):
                 out.append((length, Bifurcation(kind, at.value, at.motion)))
         return [x for _, x in sorted(out, key=lambda pair: pair[0])]
@@ -234,12 +236,12 @@ class BranchPath:
             InputError: if no motion of twice the period is found.
         """
         base, k = at.motion.shooting, at.motion.shooting.cycle.segments
-        P = base.cycle.exchange  # twice is none, and the second half has exchanged joints
+        P = base.cycle.exchange  # two exchanges cancel; in the second half, joints are exchanged
         periods = 2 * base.cycle.periods
         cycle = replace(base.cycle, segments=2 * k, exchange=Exchange(base.flow.mechanism), periods=periods)
-        nodes = [*base.at.nodes, *(P.of_state(y) for y in base.at.nodes)]
-        guess = replace(base.at, nodes=nodes, T=2 * base.at.T, sigma=2 * base.at.sigma, shifts=2 * base.at.shifts,
-                        modes=() if P else 2 * base.modes)  # fmt: skip
+        nodes = [*base.guess.nodes, *(P.of_state(y) for y in base.guess.nodes)]
+        modes, doubled = () if P else 2 * base.modes, {x: 2 * getattr(base.guess, x) for x in ("T", "sigma", "shifts")}
+        guess = replace(base.guess, nodes=nodes, modes=modes, **doubled)
         product = np.linalg.multi_dot([*base.factors[::-1], np.eye(base.n)])
         values, vectors = np.linalg.eig(product)
         x = vectors[:, np.abs(values + 1).argmin()].real
@@ -250,13 +252,13 @@ class BranchPath:
         double = self.equations(cycle, guess, at.value)
         flips += [-P.tangent @ dy for dy in flips]
         along = np.zeros(double.matrix.shape[1])
-        pairs = zip(double.charts, double.at.nodes, flips, strict=True)
+        pairs = zip(double.charts, double.guess.nodes, flips, strict=True)
         along[: 2 * k * base.n] = np.concatenate([c.coordinate_tangents(y, dy[:, None])[:, 0] for c, y, dy in pairs])
         along /= np.linalg.norm(along)
         first = BranchMotion(at.value, motion_of(double), self.physical(double, along))
         low, high = sorted(self.over[1:])
         for _ in range(MAX_HALVINGS):
-            start = self.across(first, h)  # the parameter grows by h^2, and soon turns the tangent
+            start = self.across(first, h)  # the parameter changes by O(h^2)
             if start and low <= start.value <= high:
                 points, found, message = self.run(start)
                 return [first, *points], found, message
@@ -273,7 +275,7 @@ def _pairs(p: BranchMotion) -> float:
 
 
 def _has_complex_pair(multipliers: Array) -> bool:
-    """Return whether a complex pair of multipliers has magnitude 1, rather than two real ones the product 1."""
+    """Return whether a complex pair of multipliers has magnitude 1, in contrast to two real ones with product 1."""
     z = multipliers[np.abs(np.abs(multipliers) - 1) < HALF_DIGITS**0.5]
     return bool(len(z) and np.abs(z.imag).max() > HALF_DIGITS**0.5)
 

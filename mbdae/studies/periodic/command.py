@@ -20,28 +20,28 @@ PAGE = output_file(
     help="Write a replay of one period as one HTML page.",
     write=lambda found, path, given: found.animate(path),
 )
-WORDS = "T q v section symmetry exchange segments rtol"
+OPTIONS = "T q v section symmetry exchange segments rtol"
 OVER = click.argument("over", metavar="NAME=FIRST:LAST")
 
 
-@study_command(WORDS, TABLE, PLOT, PAGE, shared="method units", exit_code=lambda found: CODES[found.stability])
+@study_command(OPTIONS, TABLE, PLOT, PAGE, shared="method units", exit_code=lambda found: CODES[found.stability])
 def periodic(study: Study, model: ChosenModel, **options: Any) -> Result:
     """Find a periodic motion of a model and its stability. MODEL is also a run.npz that has nearly settled.
 
     Exit code 0 stable, 1 unstable or none found, 3 neutral or doubtful.
     """
-    return study(_model_or_run(model), **_given(options))
+    return study(_model_or_run(model), **_specified(options))
 
 
-@study_command(WORDS, TABLE, PLOT, shared="method units", more=[OVER])
+@study_command(OPTIONS, TABLE, PLOT, shared="method units", more=[OVER])
 def periodic_branch(study: Study, model: ChosenModel, over: str, **options: Any) -> Result:
     """Follow a periodic motion over a parameter. Locates folds, doublings, Neimark-Sacker points, grazing."""
     name, first, last = _range(over)
-    return study(model.name, name, first, last, start=model.start, **_given(options))
+    return study(model.name, name, first, last, start=model.start, **_specified(options))
 
 
-def _given(options: dict[str, Any]) -> dict[str, Any]:
-    """Return the options that are given, or are not those of the study by default."""
+def _specified(options: dict[str, Any]) -> dict[str, Any]:
+    """Return the options that were specified."""
     return {name: x for name, x in options.items() if x is not None}
 
 

@@ -1,7 +1,7 @@
-"""Margins of events at which the state jumps: how far a motion is from one event more, or one less.
+"""Margins of user-defined events: distances of a motion from one with an additional or a missing event.
 
-An event with the signal f(t, y) at a level l is about to come where f touches l from its side, and about to go where
-f' = 0 at it; a condition `when` decides about it where it is zero at the crossing.
+A motion grazes the level l of a signal f(t, y) if f touches l between events (an additional event), or if f' = 0 at an
+event (a missing one). A condition `when` adds or removes an event if it is zero at the crossing.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,11 +17,11 @@ from ...solution.signal_value import value
 from ...solution.solution import Solution
 from ...tolerances import THREE_DIGITS
 
-WIDTH = THREE_DIGITS  # fraction of a step: difference quotients for the rate of a signal at an event
+WIDTH = THREE_DIGITS  # width of difference quotients for the rate of a signal at an event, as a fraction of a step
 
 
 class ResetMargins:
-    """The events of a mechanism, bound to a workspace.
+    """Margins of the resets of a mechanism, evaluated in a workspace.
 
     Args:
         system: a workspace.
@@ -58,7 +58,7 @@ class ResetMargins:
         return event.direction * (value(self.system, event.signal, t, y) - event.level)
 
     def at_events(self, runs: Sequence[Solution]) -> Iterator[tuple[str, str, float]]:
-        """Yield name, kind and value of the rates of signals at events, and of the conditions there."""
+        """Yield name, kind and value of the margins at events: rates of signals, and conditions."""
         for run in runs:
             for i, name in run.resets:
                 yield name, "event rate", self._rate(run, i - 1, self.signals[name])
@@ -70,7 +70,7 @@ class ResetMargins:
         t, y = float(run.nodes[0][i]), run.nodes[1][i]
         h = WIDTH * (t - float(run.nodes[0][i - 1]))
         times = t - h * np.array([1.0, 2.0])
-        near, far = (
+        first, second = (
             value(self.system, event.signal, *at) for at in zip(times.tolist(), run.points(times), strict=True)
         )
-        return abs(3 * value(self.system, event.signal, t, y) - 4 * near + far) / (2 * h)
+        return abs(3 * value(self.system, event.signal, t, y) - 4 * first + second) / (2 * h)

@@ -61,7 +61,7 @@ def branch(found: "Branch", signal: str) -> "Figure":
     mech = found.points[0].motion.mechanism
     signal = signal or next(iter(coordinate_units(mech)))
     unit = signal_units(mech).get(signal, "")
-    values, of = displayed(found.values, found.unit)
+    values, unit_of_parameter = displayed(found.values, found.unit)
     for x in found.amplitudes(signal):
         amplitude.plot(values, displayed(x, unit)[0], color=COLOURS[0])
     amplitude.set_ylabel(escaped(f"{signal} ({unit_name(unit)})" if unit else signal))
@@ -71,7 +71,7 @@ def branch(found: "Branch", signal: str) -> "Figure":
     magnitude.axhline(1, color="black", linewidth=0.7)
     magnitude.set_ylabel("magnitude of multipliers")
     for axes in (amplitude, magnitude):
-        axes.set_xlabel(escaped(f"{found.name} ({of})" if of else found.name))
+        axes.set_xlabel(escaped(f"{found.name} ({unit_of_parameter})" if unit_of_parameter else found.name))
         for b in found.bifurcations:
             axes.axvline(displayed(b.value, found.unit)[0], color="0.5", linestyle=":", linewidth=0.9)
     for b in found.bifurcations:

@@ -1,10 +1,10 @@
-"""Grazing of periodic motions: a guard touches zero without crossing it, or an impact comes to zero speed.
+"""Grazing of periodic motions: a guard has a double zero, or the speed of an impact vanishes.
 
-Margins are the least values of guards between the events of a motion, gaps and speeds, and the impulses of its impacts.
-They are smooth along a branch up to where one becomes zero; beyond, the motion has an event more, or one less, and its
-map has a square root. So a margin is followed from its side, and the parameter at its zero is extrapolated from the
-last few points, as a polynomial in the margin. Impacts and user-defined events end a branch there; where a joint
-begins to stick it has a corner; where a multiplier touches its limit only a higher derivative jumps.
+Margins are the minima of guards (gaps, speeds) between the events of a motion, and the impulses of its impacts. They
+are smooth along a branch until one becomes zero; beyond, the motion has an additional or a missing event, and its map
+has a square-root singularity. So the parameter at the zero is extrapolated from one side, from the last few points, as
+a polynomial in the margin. Branches end at grazing impacts and user-defined events; they have a corner where a joint
+begins to stick; where a multiplier touches its limit, only a higher derivative jumps.
 Source: A. B. Nordmark, Non-periodic motion caused by grazing incidence in an impact oscillator, J. Sound Vib. 145
 (1991).
 """
@@ -24,21 +24,21 @@ from .event_margins import ResetMargins
 from .result import Bifurcation, BranchMotion, PeriodicMotion
 
 minimize_scalar = lazy_import("scipy.optimize", "minimize_scalar")
-FRACTION, OF_IMPACTS = 0.9, 0.5  # fraction of the distance to a zero: the next step; derivatives grow with 1/impact
-NEAR, NEAR_IMPACTS = INTERPOLATION, THREE_DIGITS  # in units of steps: distance at which the zero is extrapolated
-POINTS = 4  # from which the parameter at a zero is extrapolated
+FRACTION, IMPACT_FRACTION = 0.9, 0.5  # next step over the distance to a zero; derivatives grow as 1/impulse
+EXTRAPOLATION_RANGE, IMPACT_RANGE = INTERPOLATION, THREE_DIGITS  # distance at which a zero is extrapolated
+POINTS = 4  # number of points from which the parameter at a zero is extrapolated
 KNOWN_TIMES = ("command", "speed step")  # guards that are functions of time
 SPEEDS = ("impact", "event rate")  # margins with a square root of the parameter
-OF_EVENTS = ("event", "event rate", "condition")  # margins of user-defined events
+EVENT_KINDS = ("event", "event rate", "condition")  # margins of user-defined events
 
 
 class Margin(NamedTuple):
     """A margin of a motion.
 
     Attributes:
-        name: of the stop, contact or joint.
+        name: name of the stop, contact or joint.
         kind: ``"impact"``, the kind of the guard, ``"event"``, ``"event rate"`` or ``"condition"``.
-        value: impulse in N s or N m s, or the guard or the signal, in its unit.
+        value: impulse in N s or N m s; else the value of the guard or signal in its unit.
     """
 
     name: str
@@ -47,8 +47,8 @@ class Margin(NamedTuple):
 
     @property
     def terminal(self) -> bool:
-        """Whether there is no derivative beyond its zero."""
-        return self.kind in ("impact", "contact", *OF_EVENTS)
+        """Whether the branch has no derivative beyond a zero of the margin."""
+        return self.kind in ("impact", "contact", *EVENT_KINDS)
 
 
 class GrazingMonitor:
@@ -58,28 +58,29 @@ class GrazingMonitor:
         first: the first point.
 
     Attributes:
-        distance: to the zero of a margin ahead, in the unit of steps; infinite if there is none.
-        terminal: whether the branch has no derivative beyond the last one found.
-        passing: whether the branch is about to cross it, over a corner.
+        distance: distance to the next zero of a margin, in the unit of steps; infinite if there is none.
+        terminal: whether the branch has no derivative beyond the last zero found.
+        passing: whether the next step crosses that zero, a corner of the branch.
     """
 
     def __init__(self, first: BranchMotion) -> None:
         self.last = [(first.value, margins(first.motion))]  # points, at most `POINTS`
         self.distance, self.fraction, self.terminal, self.passing = np.inf, FRACTION, False, False
 
-    def grazing(self, here: BranchMotion, h: float) -> Bifurcation | None:
-        """Return the grazing just ahead of the end of a step of length h; None if there is none."""
-        before, found = self.last[-1][1], margins(here.motion)
-        if _kinds(before) != _kinds(found):  # of motions with different events
+    def grazing(self, point: BranchMotion, h: float) -> Bifurcation | None:
+        """Return the grazing bifurcation close to the end of a step of length h; None if there is none."""
+        before, found = self.last[-1][1], margins(point.motion)
+        if _kinds(before) != _kinds(found):  # the motions have different events
             self.last, before, self.passing = [], found, False
-        self.last = [*self.last[1 - POINTS :], (here.value, found)]
+        self.last = [*self.last[1 - POINTS :], (point.value, found)]
         steps, k = _nearest_zero(before, found)
         self.distance = steps * h
         if k is None or self.passing:
             self.distance = np.inf
             return None
-        near, self.fraction = (NEAR_IMPACTS, OF_IMPACTS) if found[k].kind in SPEEDS else (NEAR, FRACTION)
-        if self.distance > near:
+        is_speed = found[k].kind in SPEEDS
+        reach, self.fraction = (IMPACT_RANGE, IMPACT_FRACTION) if is_speed else (EXTRAPOLATION_RANGE, FRACTION)
+        if self.distance > reach:
             return None
         self.distance, self.terminal, self.passing = np.inf, found[k].terminal, True
         sizes = np.array([margins[k].value for _, margins in self.last])
@@ -87,10 +88,10 @@ class GrazingMonitor:
             p * float(np.prod(np.delete(sizes, i) / (np.delete(sizes, i) - size)))
             for i, (size, (p, _)) in enumerate(zip(sizes, self.last, strict=True))
         )
-        return Bifurcation("grazing", value, here.motion, found[k].name)
+        return Bifurcation("grazing", value, point.motion, found[k].name)
 
-    def limited(self, h: float) -> float:
-        """Return a step that stays in front of the nearest zero."""
+    def limit_step(self, h: float) -> float:
+        """Return a step size that ends before the nearest zero."""
         return self.fraction * self.distance if self.distance < h else h
 
 
@@ -98,9 +99,9 @@ def _kinds(found: Sequence[Margin]) -> list[tuple[str, str]]:
     return [(margin.name, margin.kind) for margin in found]
 
 
-def _nearest_zero(before: Sequence[Margin], here: Sequence[Margin]) -> tuple[float, int | None]:
+def _nearest_zero(before: Sequence[Margin], after: Sequence[Margin]) -> tuple[float, int | None]:
     """Return the nearest zero beyond a step of the branch, in steps, by a secant, and the index of its margin."""
-    pairs = enumerate(zip(before, here, strict=True))
+    pairs = enumerate(zip(before, after, strict=True))
     steps = [(b.value / (a.value - b.value), k) for k, (a, b) in pairs if 0 < b.value < a.value]
     return min(steps, default=(np.inf, None))
 
@@ -114,7 +115,7 @@ class Segment(NamedTuple):
 
 
 def margins(motion: PeriodicMotion) -> list[Margin]:
-    """Return the margins of a motion: of its impacts and of guards between its events, each in order of time."""
+    """Return the margins of a motion: those of impacts, then those of guards between events, in order of time."""
     if not (motion.mechanism.switches or motion.mechanism.resets):
         return []
     hits = [pair for run in motion.runs for x in run.impacts for pair in zip(x.where, x.impulse, strict=True)]
@@ -126,7 +127,7 @@ def margins(motion: PeriodicMotion) -> list[Margin]:
 
 
 def _chains(runs: Sequence[Solution]) -> list[list[Segment]]:
-    """Return the steps of a period between its events, in one mode each; the last one continues in the first."""
+    """Return the steps of a period in chains between events, with one mode each; the period is cyclic."""
     out: list[list[Segment]] = [[]]
     for run, (i, h) in ((x, step) for x in runs for step in enumerate(np.diff(x.nodes[0]))):
         if not h or (out[-1] and run.mode(i) != out[-1][-1].mode):
@@ -184,6 +185,6 @@ def _node(run: Solution, i: int) -> tuple[float, Array]:
 
 def _time(chain: list[Segment], j: int, x: float) -> tuple[Segment, float]:
     """Return the step and the time at a distance x in steps, 0 to 2, from the start of step j - 1."""
-    segment, part = (chain[j - 1], x) if x < 1 else (chain[j], x - 1)
+    segment, fraction = (chain[j - 1], x) if x < 1 else (chain[j], x - 1)
     first, last = segment.run.nodes[0][segment.i : segment.i + 2].tolist()
-    return segment, first + part * (last - first)
+    return segment, first + fraction * (last - first)

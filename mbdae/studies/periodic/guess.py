@@ -1,4 +1,4 @@
-"""First guesses of periodic motions: the period, shifts of joints and advances, from runs."""
+"""Initial guesses of periodic motions from runs: period, shifts of joints, advances along symmetries."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -17,7 +17,7 @@ from .shooting.cycle import Cycle, Guess
 from .shooting.exchange import Exchange
 from .shooting.flow import Flow
 
-MAX_EVENTS = 9  # at the start of a run, between which a period with several events begins
+MAX_EVENTS = 9  # number of events at the start of a run among which the longest interval is selected
 
 
 def guess_of(
@@ -30,7 +30,7 @@ def guess_of(
     segments: int | None,
     joints: Mapping[str, str] | None = None,
 ) -> tuple[Cycle, Guess]:
-    """Return the kind of a motion and its first guess; without names its symmetries are found.
+    """Return the kind of a motion and its initial guess; symmetries are detected unless they are named.
 
     Raises:
         InputError: without an estimate of the period, or for wrong values.
@@ -39,20 +39,20 @@ def guess_of(
     mech = flow.mechanism
     exchange, system = Exchange(mech, joints), mech.system()
     k = number_of_segments(segments, section)
-    Symmetry.named(system, names or ())  # which are known before a run
-    free = is_autonomous(mech, t, y)
+    Symmetry.named(system, names or ())  # rejects unknown names before a run
+    autonomous = is_autonomous(mech, t, y)
     if section:
         y, T = _on_section(flow, t, y, T or mech.duration, section)
-    elif mech.resets and free:
+    elif mech.resets and autonomous:
         y, T = _between_events(flow, t, y, T)
-    elif not free:
+    elif not autonomous:
         T = T or period_of_functions(mech)
     if T is None:
         raise InputError("the equations do not depend on time: give an estimate of the period, T, or a section")
     runs = _runs(flow, t, y, T, k, section)
     points = points_of(runs[-1])
     found = Symmetry.named(system, symmetries_of(mech, points) if names is None else names)
-    cycle = Cycle(t, k, section, not free and not section, free, found, exchange)
+    cycle = Cycle(t, k, section, not autonomous and not section, autonomous, found, exchange)
     advances = _advances(cycle, mech, y[: mech.nq], points[-1])
     return cycle, Guess([y, *(run.y[-1] for run in runs[:-1])], T, *advances)
 
@@ -70,7 +70,7 @@ def number_of_segments(segments: int | None, section: str | None) -> int:
     """Return the number of segments of a period.
 
     Raises:
-        InputError: for a number that is not possible.
+        InputError: for an invalid number.
     """
     if segments is not None and not is_count(segments):
         raise InputError(f"segments must be a positive whole number, got {segments!r:.60}")
@@ -80,29 +80,29 @@ def number_of_segments(segments: int | None, section: str | None) -> int:
 
 
 def _advances(cycle: Cycle, mech: Mechanism, q: Array, end: MotionPoint) -> tuple[Array, Array]:
-    """Return the motions (m,) along symmetries that lead from an end back to q, and shifts (nv,) of joints."""
-    moved, symmetries = mech.manifold.difference(q, cycle.exchange.moved(end.y[: mech.nq])), cycle.symmetries
+    """Return displacements (m,) along symmetries from an end back to q, and shifts (nv,) of joints."""
+    dq, symmetries = mech.manifold.difference(q, cycle.exchange.apply(end.y[: mech.nq])), cycle.symmetries
     units = shift_units(mech)
     w = np.column_stack([*(symmetry.direction(q) for symmetry in symmetries), np.zeros((mech.nv, 0))])
     units[np.abs(w).max(axis=1, initial=0.0) > 0] = 0.0
-    shifts = units * np.round(np.divide(moved, units, out=np.zeros(mech.nv), where=units > 0))
+    shifts = units * np.round(np.divide(dq, units, out=np.zeros(mech.nv), where=units > 0))
     if shifts.any() and not is_invariant(mech, end, shifts, 0.0 if cycle.autonomous else end.t - cycle.t):
         shifts[:] = 0.0
-    return -np.linalg.lstsq(w, moved - shifts, rcond=None)[0] if symmetries else np.zeros(0), shifts
+    return -np.linalg.lstsq(w, dq - shifts, rcond=None)[0] if symmetries else np.zeros(0), shifts
 
 
 def _on_section(flow: Flow, t: float, y: Array, longest: float, section: str) -> tuple[Array, float]:
-    """Return the first point of a motion on the section, and the time until it is there again."""
+    """Return the first point of a motion on the section, and the time until the next crossing."""
     first = flow.run(t, y, longest, section)
     start = first.y[0] if first.t[-1] == first.t[0] else first.y[-1]
-    again = flow.run(t, start, longest, section)
-    return start, float(again.t[-1] - again.t[0])
+    second = flow.run(t, start, longest, section)
+    return start, float(second.t[-1] - second.t[0])
 
 
 def _between_events(flow: Flow, t: float, y: Array, T: float | None) -> tuple[Array, float]:
     """Return a point half-way between two events at which the state jumps, and the time from one to the next, or T.
 
-    Shooting starts there, since an event at the end of a segment would be lost or taken twice.
+    A segment must not end at an event, which would be missed or processed twice.
 
     Raises:
         InputError: if there are no two events.

@@ -13,7 +13,7 @@ from .shooting.multipliers import on_quotient, periodic_eigenvalues
 
 def motion_of(found: ShootingEquations) -> PeriodicMotion:
     """Return the periodic motion of solved equations, with its multipliers."""
-    cycle, at, mech = found.cycle, found.at, found.flow.mechanism
+    cycle, at, mech = found.cycle, found.guess, found.flow.mechanism
     q, v, s, _ = np.split(at.nodes[0], np.cumsum([mech.nq, mech.nv, len(mech.states)]))
     multipliers, neutral = floquet(found)
     T, runs = float(found.runs[-1].t[-1]) - cycle.t, tuple(found.runs)
@@ -24,7 +24,7 @@ def motion_of(found: ShootingEquations) -> PeriodicMotion:
 
 
 def floquet(found: ShootingEquations) -> tuple[Array, tuple[UnitMultiplier, ...]]:
-    """Return the multipliers that are not neutral, and the neutral ones with their errors."""
+    """Return the multipliers that are not neutral, and the neutral multipliers with their errors."""
     factors, nodes = found.factors, range(found.cycle.segments)
     names, known = _known_directions(found)
     neutral = [UnitMultiplier(name, _right_error(factors, known, j)) for j, name in enumerate(names)]
@@ -48,10 +48,10 @@ def _known_directions(found: ShootingEquations) -> tuple[list[str], list[Array]]
 def _right_error(factors: Sequence[Array], known: Sequence[Array], j: int) -> float:
     """Return the largest relative distance of M_i w_i from the span of the known directions at the next node."""
     errors = [0.0]
-    for M, here, there in zip(factors, known, [*known[1:], known[0]], strict=True):
-        image = M @ here[:, j]
-        rest = image - there @ np.linalg.lstsq(there, image, rcond=None)[0]
-        errors.append(float(np.linalg.norm(rest) / np.linalg.norm(here[:, j])))
+    for M, start, end in zip(factors, known, [*known[1:], known[0]], strict=True):
+        image = M @ start[:, j]
+        residual = image - end @ np.linalg.lstsq(end, image, rcond=None)[0]
+        errors.append(float(np.linalg.norm(residual) / np.linalg.norm(start[:, j])))
     return max(errors)
 
 

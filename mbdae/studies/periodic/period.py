@@ -16,14 +16,14 @@ from ...mechanism.time_functions.time_functions import Harmonic, Polynomial, Tim
 from ...system import Array
 from ...tolerances import INPUT_DIGITS
 
-SAMPLED_TIMES = 3  # at which time dependence is checked
-MAX_MULTIPLE = 64  # multiple of the shortest of several periods
+SAMPLED_TIMES = 3  # number of times at which time dependence is checked
+MAX_MULTIPLE = 64  # largest common period, as a multiple of the longest of several periods
 
 
 def is_autonomous(mech: Mechanism, t: float, y: Array) -> bool:
-    """Return whether forces and drivers do not depend on time, judged at several times.
+    """Return whether forces and drivers do not depend on time, checked at several times.
 
-    A constant speed of a joint whose position is not prescribed does not; sampled controllers do, by their instants.
+    A prescribed constant speed without a position is autonomous; a sampled controller is not.
     """
     system = mech.system()
     if _sampling_rates(mech):
@@ -38,15 +38,17 @@ def is_autonomous(mech: Mechanism, t: float, y: Array) -> bool:
 
 
 def has_period(mech: Mechanism, T: float, points: Sequence[MotionPoint], shifts: Array) -> bool:
-    """Return whether equations repeat themselves after T, with joints shifted by ``shifts`` (nv,), at some points."""
-    whole = all(abs(x - round(x)) <= INPUT_DIGITS * x for x in (T * w / TWO_PI for w in _sampling_rates(mech)))
-    return whole and all(is_invariant(mech, p, -shifts, -T) for p in points)
+    """Return whether equations have the period T at some points, with joints shifted by ``shifts`` (nv,)."""
+    samples = (T * w / TWO_PI for w in _sampling_rates(mech))
+    return all(abs(x - round(x)) <= INPUT_DIGITS * x for x in samples) and all(
+        is_invariant(mech, p, -shifts, -T) for p in points
+    )
 
 
 def period_of_functions(mech: Mechanism) -> float:
     """Return the common period in s of the functions of time in drivers and forces.
 
-    Harmonic functions, periodic tables, sampled controllers, and motions of constant speed of joints that may turn.
+    These are harmonic functions, periodic tables, sampled controllers, and constant speeds of joints with full turns.
 
     Raises:
         InputError: for other functions of time, or frequencies without a small common multiple.
@@ -83,7 +85,7 @@ def _sampling_rates(mech: Mechanism) -> list[float]:
 
 
 def _joint_speeds(mech: Mechanism) -> list[float]:
-    """Return the constant speeds in rad/s of joints that turn."""
+    """Return the prescribed constant speeds in rad/s of joints with full turns."""
     turns, out = shift_units(mech) == TWO_PI, list[float]()
     for driver in mech.drivers:
         if isinstance(driver, Driver) and driver.joint and isinstance(driver.motion, Polynomial):

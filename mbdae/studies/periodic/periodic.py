@@ -24,7 +24,7 @@ from .shooting.newton import newton, require_motion
 __all__ = ["periodic"]
 
 METHOD, RTOL = "pherk6", SOLUTION_ROUNDING
-GAP = 100.0  # multiple of rtol: residual of shooting, which step-size control makes uneven
+GAP = 100.0  # tolerance of the shooting residual over rtol: step-size control makes the residual non-smooth
 
 
 def periodic(
@@ -46,25 +46,25 @@ def periodic(
         y(t + T) = g(sigma) y(t),   mu: eigenvalues of dy(T)/dy(0)
 
     Shooting by Newton's method with the exact tangents of the computed steps, in local coordinates of the constraint
-    manifold. If forces or drivers depend on time, T is a period of theirs; otherwise it is found, too.
+    manifold. If forces or drivers depend on time, T is their period; otherwise it is an unknown.
 
     Args:
         model: a mechanism, an argument of `mbdae.load`; or a run that has nearly settled, whose end is the guess.
-        T: period in s: given if the mechanism is driven, else an estimate. When left out: the period of functions of
-            time, or of events at which the state jumps, or the time since a run was last where it ends, which is that
-            of the duration of the model.
+        T: period in s: fixed if the mechanism is driven, else an estimate. When left out: the period of functions of
+            time, or of events at which the state jumps, or the time since a run last passed its final state; without a
+            run as ``model``, over the duration of the model.
         q: guess of the configuration: joint = value, or (nq,); the model's start when left out.
         v: guess of the velocity: joint = value, or (nv,).
         s: guess of the states of forces, (ns,).
         section: signal and level at which a period begins and ends, ``"q.crank > 0.1"`` for rising crossings.
-        symmetry: along which the motion advances in a period: ``"x"``, ``"y"``, ``"z"``, ``"incline"`` down inclined
-            ground, ``"level"`` across it, ``"turn"`` about the vertical, which is that of gravity, or names of joints
-            on whose angles nothing depends (``"x (joint)"`` for a joint with one of the other names). When left out,
-            all that rows and accelerations follow.
-        exchange: joints that change places at the end of a period, joint = other joint, or ``"-"`` and a joint for the
+        symmetry: symmetries along which the motion advances in a period: ``"x"``, ``"y"``, ``"z"``, ``"incline"`` down
+            inclined ground, ``"level"`` across it, ``"turn"`` about the direction of gravity, or names of joints with
+            cyclic coordinates (``"x (joint)"`` for a joint named as a symmetry). When left out, all under which rows
+            and accelerations are invariant.
+        exchange: joints that are exchanged at the end of a period, joint = other joint, or ``"-"`` and a joint for the
             opposite sign: half a stride of a walker with two equal legs, half a swing of a pendulum.
-        segments: number of segments of the period, shot separately; for long or strongly unstable motions.
-        method: of the runs; pherk6, or the model's, when left out.
+        segments: number of segments of multiple shooting; for long or strongly unstable motions.
+        method: method of the runs; pherk6, or the model's, when left out.
         rtol: relative tolerance of the runs.
 
     Raises:
@@ -78,7 +78,7 @@ def periodic(
 
     def motion_from(start: CycleStart) -> PeriodicMotion:
         kind = guess_of(flow, start.y, start.T, start.t, section, start.symmetries, segments, exchange)
-        return converged(flow, kind, rtol)
+        return solve_from_guess(flow, kind, rtol)
 
     if isinstance(model, Solution):
         return motion_from(start_from_run(model, T, symmetry))
@@ -109,21 +109,21 @@ def require_positive_period(T: float | None) -> None:
     """Reject a period that is not a positive number.
 
     Raises:
-        InputError: naming it.
+        InputError: for any other period.
     """
     if T is not None and not (is_number(T) and T > 0):
         raise InputError(f"the period T must be a positive number of seconds, got {T!r:.60}")
 
 
 def start_point(mech: Mechanism, q: Any, v: Any, s: Array | None) -> Array:
-    """Return the consistent point (q, v, s, 0) near a guess."""
+    """Return the consistent point (q, v, s, 0) closest to a guess."""
     if isinstance(q, Mapping) or isinstance(v, Mapping):
         q, v = mech.assemble(q, v)
     return mech.point(q, v, s=s)
 
 
-def converged(flow: Flow, kind: tuple[Cycle, Guess], rtol: float) -> PeriodicMotion:
-    """Return the periodic motion near a guess.
+def solve_from_guess(flow: Flow, kind: tuple[Cycle, Guess], rtol: float) -> PeriodicMotion:
+    """Return the periodic motion close to a guess.
 
     Raises:
         InputError: if none is found.
@@ -132,7 +132,7 @@ def converged(flow: Flow, kind: tuple[Cycle, Guess], rtol: float) -> PeriodicMot
     found = newton(ShootingEquations(flow.mechanism.system(), flow, cycle, guess), GAP * rtol)
     require_motion(found)
     require_period_of_functions(found)
-    found = newton(found.refined(), GAP * rtol)
+    found = newton(found.refine_steps(), GAP * rtol)
     require_second_period(found)
     return motion_of(found)
 
@@ -141,13 +141,13 @@ def require_period_of_functions(found: ShootingEquations) -> None:
     """Require that the equations of a motion without exchanged joints have its period, if they depend on time.
 
     Raises:
-        InputError: for a given T that is none, and the time between two crossings of a section.
+        InputError: if T, or the time between two crossings of a section, is not a period of the equations.
     """
     cycle, end = found.cycle, found.runs[-1]
     if cycle.autonomous or cycle.exchange:
         return
     T, points = float(end.t[-1]) - cycle.t, [p for run in found.runs for p in points_of(run)]
-    if not has_period(found.flow.mechanism, T, points, found.at.shifts):
+    if not has_period(found.flow.mechanism, T, points, found.guess.shifts):
         raise InputError(
             "no periodic motion found: forces, drivers or controllers depend on time, and do not repeat themselves"
             f" after {T:.6g} s: give a period of theirs, T, and no section"
@@ -155,7 +155,7 @@ def require_period_of_functions(found: ShootingEquations) -> None:
 
 
 def require_second_period(found: ShootingEquations) -> None:
-    """Require that a motion whose joints were exchanged at the end of a period is back after the next one.
+    """Require that a motion whose joints were exchanged at the end of a period returns to its start after the next one.
 
     Raises:
         InputError: if the exchange is no symmetry of the mechanism.
@@ -165,8 +165,8 @@ def require_second_period(found: ShootingEquations) -> None:
         return
     middle = found.runs[-1]
     t = float(middle.t[-1])
-    again = found.flow.run(t, middle.y[-1], t - found.cycle.t, None)
-    q0, q1, q2 = found.at.nodes[0][: mech.nq], middle.q[-1], again.q[-1]
-    steps = [mech.manifold.difference(P.moved(b), a) / mech.coordinate_scales for a, b in ((q0, q1), (q1, q2))]
+    second = found.flow.run(t, middle.y[-1], t - found.cycle.t, None)
+    q0, q1, q2 = found.guess.nodes[0][: mech.nq], middle.q[-1], second.q[-1]
+    steps = [mech.manifold.difference(P.apply(b), a) / mech.coordinate_scales for a, b in ((q0, q1), (q1, q2))]
     if np.abs(steps[1] - steps[0]).max() > VISIBLE:
         raise InputError("the exchange of joints is no symmetry: the motion does not continue with exchanged joints")

@@ -28,7 +28,7 @@ __all__: list[str] = []
 
 @dataclass(frozen=True)
 class UnitMultiplier:
-    """A multiplier of magnitude 1 that a symmetry, the free phase or a conserved energy causes.
+    """A multiplier 1 that is due to a symmetry, the free phase or a conserved energy.
 
     Attributes:
         name: ``"time"``, a symmetry, or ``"energy"``.
@@ -51,10 +51,10 @@ class PeriodicMotion(Tabular):
         v: velocity, (nv,).
         s: states of forces, (ns,).
         multipliers: Floquet multipliers without the neutral ones, complex, by decreasing magnitude.
-        neutral: the neutral ones, with their errors.
-        advances: of the symmetries over a period, by name, in rad or m.
-        shifts: of joints that end full turns or pitches of teeth further, by name, in rad or m.
-        gap: largest relative distance of the end from the start, of a whole period in rad, characteristic lengths.
+        neutral: neutral multipliers with their errors.
+        advances: displacements along symmetries over a period, by name, in rad or m.
+        shifts: shifts of joints by full turns or tooth pitches over a period, by name, in rad or m.
+        gap: largest relative distance of the end of the period from its start, in rad and characteristic lengths.
         runs: one run for each segment of the period.
         shooting: the equations at the solution.
     """
@@ -80,7 +80,7 @@ class PeriodicMotion(Tabular):
 
     @property
     def stability(self) -> str:
-        """``"stable"``, ``"unstable"``, ``"neutral"`` within 1e-8, or ``"doubtful"`` if a neutral one is not 1."""
+        """``"stable"``, ``"unstable"``, ``"neutral"`` within 1e-8, ``"doubtful"`` if a neutral multiplier is not 1."""
         if any(not x.error <= HALF_DIGITS for x in self.neutral):
             return "doubtful"
         if abs(self.spectral_radius - 1) <= HALF_DIGITS:
@@ -108,7 +108,7 @@ class PeriodicMotion(Tabular):
 
     @property
     def after(self) -> dict[str, dict[str, float]]:
-        """Coordinates and velocities just after each event at which the state jumps, by its name."""
+        """Coordinates and velocities just after each event at which the state jumps, by the name of the event."""
         out: dict[str, dict[str, float]] = {}
         for run in self.runs:
             columns = signals(run, list(coordinate_units(self.mechanism)))
@@ -165,8 +165,8 @@ class PeriodicMotion(Tabular):
     def to_columns(self) -> Columns:
         """Return coordinates and velocities over one period."""
         units = {"t": "s", **coordinate_units(self.mechanism)}
-        pieces = [signals(run, list(units)) for run in self.runs]
-        return Columns({name: np.concatenate([piece[name] for piece in pieces]) for name in units}, units, "t")
+        tables = [signals(run, list(units)) for run in self.runs]
+        return Columns({name: np.concatenate([table[name] for table in tables]) for name in units}, units, "t")
 
     def plot(self, path: str | Path | None = None) -> "Figure":
         """Draw one period in the phase plane, and the multipliers at the unit circle; optionally saved.
@@ -203,9 +203,9 @@ class BranchMotion(NamedTuple):
     """A point of a branch.
 
     Attributes:
-        value: of the parameter.
+        value: value of the parameter.
         motion: the periodic motion.
-        tangent: of the nodes, (k, ny), then of T, sigma and the parameter.
+        tangent: tangent of the branch: of the nodes, (k, ny), then of T, sigma and the parameter.
     """
 
     value: float
@@ -215,13 +215,13 @@ class BranchMotion(NamedTuple):
 
 @dataclass(frozen=True)
 class Bifurcation:
-    """A named point of a branch.
+    """A bifurcation of a branch.
 
     Attributes:
         kind: ``"fold"``, ``"doubling"``, ``"neimark-sacker"``, ``"branch"`` or ``"grazing"``.
-        value: of the parameter.
-        motion: the periodic motion there; for grazing one close to it, which has derivatives.
-        grazed: the stop, contact or joint whose guard touches zero.
+        value: value of the parameter.
+        motion: the periodic motion at the bifurcation; for grazing one close to it, which has derivatives.
+        grazed: the stop, contact or joint whose guard has a double zero.
     """
 
     kind: str

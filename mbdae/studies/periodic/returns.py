@@ -1,4 +1,4 @@
-"""First guesses of periodic motions from runs that have nearly settled: where they were close to their end before."""
+"""Initial guesses of periodic motions from the returns of a nearly settled run to its final state."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -14,11 +14,11 @@ from ...system import Array
 from ...tolerances import INPUT_DIGITS, NEGLIGIBLE
 from .period import is_autonomous, period_of_functions
 
-NEAR_RETURN = 0.2  # fraction of the largest distance from the end of a run: where it was close to its end before
-CLOSE_RETURN = 0.02  # fraction of the same: closest return of a run that has nearly settled
-SAMPLES, REFINED, ZOOMS = 4000, 11, 8  # samples of a run, and of a return: in the end 1e-9 of the run apart
-MAX_RETURNS = 50  # the last ones of a run
-POINTS = 3  # points of a run at which symmetries are checked
+NEAR_RETURN = 0.2  # distance of a candidate return from the final state, over the largest distance
+CLOSE_RETURN = 0.02  # distance of the closest return of a nearly settled run, over the largest distance
+SAMPLES, REFINED, ZOOMS = 4000, 11, 8  # samples of a run, and of a return in each of several refinements
+MAX_RETURNS = 50  # number of last returns that are refined
+POINTS = 3  # number of points of a run at which symmetries are checked
 
 
 class CycleStart(NamedTuple):
@@ -28,7 +28,7 @@ class CycleStart(NamedTuple):
         t: time.
         y: state (n,).
         T: period in s; None if it is not known.
-        symmetries: names of those along which the motion may advance; None if they are to be found.
+        symmetries: names of the symmetries along which the motion may advance; None if they are to be detected.
     """
 
     t: float
@@ -40,11 +40,11 @@ class CycleStart(NamedTuple):
 def start_from_run(sol: Solution, T: float | None, names: Sequence[str] | None) -> CycleStart:
     """Return a start in the last period of a run that has nearly settled, as far as possible from events.
 
-    The distance between states is measured in rad, characteristic lengths and per period of the fastest motion,
-    without the directions of symmetries. A period of functions of time, or a multiple of it, is exact.
+    The distance between states is measured in rad, characteristic lengths and fractions of the largest speeds, without
+    the directions of symmetries. A period of functions of time, or a multiple of it, is exact.
 
     Raises:
-        InputError: if the run was not near its end before.
+        InputError: if the run does not return to its final state.
         UnknownNameError: for an unknown symmetry.
     """
     mech, t, y = sol.mechanism, float(sol.nodes[0][-1]), sol.nodes[1][-1]
@@ -56,10 +56,10 @@ def start_from_run(sol: Solution, T: float | None, names: Sequence[str] | None) 
 
 
 def points_of(sol: Solution) -> list[MotionPoint]:
-    """Return points of the second half of a run, in the middles of steps apart."""
+    """Return a few nodes of the second half of a run, evenly distributed."""
     n = len(sol.nodes[0])
-    at = sorted({int(i) for i in np.linspace(n / 2, n - 1, POINTS + 1)[1:]})
-    return [MotionPoint(float(sol.nodes[0][i]), sol.nodes[1][i], sol.mode(i)) for i in at]
+    nodes = sorted({int(i) for i in np.linspace(n / 2, n - 1, POINTS + 1)[1:]})
+    return [MotionPoint(float(sol.nodes[0][i]), sol.nodes[1][i], sol.mode(i)) for i in nodes]
 
 
 def _between_events(sol: Solution, T: float) -> tuple[float, Array]:
@@ -75,7 +75,7 @@ def _between_events(sol: Solution, T: float) -> tuple[float, Array]:
 
 
 def _multiple_of(T: float, sol: Solution, names: Sequence[str]) -> float:
-    """Return the multiple of the period of functions of time after which a run was where it ends; T itself if none."""
+    """Return the multiple of the period T of functions of time that is the time of the last return; T if none is."""
     try:
         n = _last_return(sol, names) / T
     except InputError:
@@ -84,39 +84,39 @@ def _multiple_of(T: float, sol: Solution, names: Sequence[str]) -> float:
 
 
 def _last_return(sol: Solution, names: Sequence[str]) -> float:
-    """Return the time in s since a run was last where it ends.
+    """Return the time in s since a run last passed its final state.
 
     Raises:
-        InputError: if it was not near its end before.
+        InputError: if it does not return to its final state.
     """
     times = np.linspace(sol.t[0], sol.t[-1], SAMPLES)
-    distance = _DistanceFrom(sol, sol.nodes[1][-1], Symmetry.named(sol.mechanism.system(), names))
+    distance = _StateDistance(sol, sol.nodes[1][-1], Symmetry.named(sol.mechanism.system(), names))
     size = distance(times)
     middle = size[1:-1]
-    falls = (middle < size[:-2]) & (middle <= size[2:]) & (middle < NEAR_RETURN * size.max())
+    is_minimum = (middle < size[:-2]) & (middle <= size[2:]) & (middle < NEAR_RETURN * size.max())
     away = np.maximum.accumulate(size[::-1])[::-1] > 2 * NEAR_RETURN * size.max()  # the motion leaves afterwards
-    lowest = np.flatnonzero(falls & away[1:-1])
+    lowest = np.flatnonzero(is_minimum & away[1:-1])
     best = list[tuple[float, float]]()
     for i in (lowest + 1)[-MAX_RETURNS:]:
         low, high = times[i - 1], times[i + 1]
         for _ in range(ZOOMS):
-            nearby = np.linspace(low, high, REFINED)
-            sizes = distance(nearby)
+            window = np.linspace(low, high, REFINED)
+            sizes = distance(window)
             k = int(sizes.argmin())
-            low, high = nearby[max(k - 1, 0)], nearby[min(k + 1, REFINED - 1)]
-        best.append((float(sizes.min()), float(nearby[k])))
+            low, high = window[max(k - 1, 0)], window[min(k + 1, REFINED - 1)]
+        best.append((float(sizes.min()), float(window[k])))
     least = min(best, default=(np.inf,))[0]
     if least > CLOSE_RETURN * size.max():
         raise InputError(
             f"the run of {sol.t[-1] - sol.t[0]:.6g} s does not come back to where it ends: give an estimate of the"
             " period, T, or a section, or a longer run that has settled"
         )
-    latest = max(when for far, when in best if far <= 2 * least + INPUT_DIGITS * size.max())
+    latest = max(t for separation, t in best if separation <= 2 * least + INPUT_DIGITS * size.max())
     return float(times[-1] - latest)
 
 
-class _DistanceFrom:
-    """Distance of the states of a run from one of them, in rad, characteristic lengths and parts of the speeds."""
+class _StateDistance:
+    """Distance of the states of a run from state y, in rad, characteristic lengths and fractions of largest speeds."""
 
     def __init__(self, sol: Solution, y: Array, symmetries: Sequence[Symmetry]) -> None:
         mech = sol.mechanism
@@ -133,9 +133,9 @@ class _DistanceFrom:
     def __call__(self, times: Array) -> Array:
         """Return the distances at several times, (n,)."""
         found, nq = self.sol(times), self.nq
-        moved = np.array([self.manifold.difference(self.y[:nq], q) for q in found.q])
-        moved[:, self.shifting] -= self.units * np.round(moved[:, self.shifting] / self.units)
-        moved /= self.scales
-        moved -= moved @ self.basis @ self.basis.T
-        faster = (found.v - self.y[nq : nq + self.nv]) / self.speeds
-        return np.linalg.norm(np.hstack([moved, faster]), axis=1)
+        dq = np.array([self.manifold.difference(self.y[:nq], q) for q in found.q])
+        dq[:, self.shifting] -= self.units * np.round(dq[:, self.shifting] / self.units)
+        dq /= self.scales
+        dq -= dq @ self.basis @ self.basis.T
+        dv = (found.v - self.y[nq : nq + self.nv]) / self.speeds
+        return np.linalg.norm(np.hstack([dq, dv]), axis=1)

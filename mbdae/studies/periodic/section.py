@@ -12,13 +12,13 @@ from ...tolerances import VISIBLE
 
 
 def section_of(mech: Mechanism, runs: Sequence[Solution]) -> str:
-    """Return ``"signal > level"`` or ``"signal < level"``, of the coordinate or velocity that changes fastest there.
+    """Return ``"signal > level"`` or ``"signal < level"`` for the coordinate or velocity with the fastest crossing.
 
-    It crosses its level once per period in this direction; empty if none does, at rest and for steady motions.
+    It crosses its level once per period in this direction. Empty if no signal does, at rest and for steady motions.
     """
     names = list(coordinate_units(mech))
-    pieces = [signals(run, names) for run in runs]
-    columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in names}
+    tables = [signals(run, names) for run in runs]
+    columns = {name: np.concatenate([table[name] for table in tables]) for name in names}
     largest = {kind: max(np.abs(x).max() for name, x in columns.items() if name[0] == kind) for kind in "qv"}
     t = np.concatenate([run.nodes[0] for run in runs])
     best, section = VISIBLE, ""
@@ -27,13 +27,13 @@ def section_of(mech: Mechanism, runs: Sequence[Solution]) -> str:
         if size <= VISIBLE * largest[name[0]]:
             continue
         rate = (x[1] - level) / (t[1] - t[0]) * (t[-1] - t[0]) / size
-        if abs(rate) > best and _crossings(np.sign(rate) * (x - level), abs(x[-1] - level) <= VISIBLE * size):
+        if abs(rate) > best and _crosses_once(np.sign(rate) * (x - level), abs(x[-1] - level) <= VISIBLE * size):
             best, section = abs(rate), f"{name} {'>' if rate > 0 else '<'} {level:.9g}"
     return section
 
 
-def _crossings(above: np.ndarray, returns: bool) -> bool:
-    """Return whether values that rise from zero do so once in a period, at its start, where they return or turn on."""
+def _crosses_once(above: np.ndarray, returns: bool) -> bool:
+    """Return whether values that rise from zero at the start of a period do so only once, if they end at zero."""
     inside = above[1:-1]
     rises = np.count_nonzero((inside[:-1] <= 0) & (inside[1:] > 0))
     return bool(not rises and (not returns or (inside < 0).any()))

@@ -1,4 +1,4 @@
-"""Other parts of a replay and their motion: ghosts, choices, paths of points, and forces."""
+"""Motions of a replay besides that of the mechanism: ghosts, selectable solutions, paths of points, and forces."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -25,8 +25,8 @@ GHOSTS = ("#e8590c", "#0c8599", "#9c36b5", "#5c940d", "#c2255c")
 GHOST_OPACITY = 0.45
 ARROW = "#c2185b"
 LONGEST, SHAFT = 0.3, 0.004  # largest length of an arrow, radius of its shaft, in extents of the mechanism
-TRACE, PIECES = 0.0027, 6000  # radius in extents; pieces of a path
-SMOOTH = 0.1  # rad between pieces of a path
+TRACE, SEGMENTS = 0.0027, 6000  # radius in extents, and largest number of segments of a path
+SMOOTH = 0.1  # largest angle in rad between segments of a path
 CONTACT_PREFIX = "contact."
 
 
@@ -44,7 +44,7 @@ def rgba_of(colour: str, opacity: float = 1.0) -> tuple[float, ...]:
 
 
 def closure_gaps(scene: "Scene", q: Array) -> list[dict[str, Any]]:
-    """Return closures with the largest visible gap in m over configurations q (m, nq), None if it is not visible."""
+    """Return closures with the largest visible gap in m over configurations q (m, nq); None if none can be visible."""
     distances = np.linalg.norm(np.diff(scene.end_points(scene.marks, sampled(q, 400)), axis=2)[:, :, 0], axis=2)
     marks = [node_path(part.name) for part in drawables(scene) if part.style == "closure"]
     return [
@@ -68,15 +68,15 @@ def followable_bodies(scene: "Scene", model: Any) -> dict[str, int]:
 
 
 def ghosts(
-    sol: "Solution", scene: "Scene", others: Mapping[str, "Solution"], times: Array
+    sol: "Solution", scene: "Scene", solutions: Mapping[str, "Solution"], times: Array
 ) -> list[tuple[str, str, MovingParts]]:
-    """Return other solutions in a scene at the same times (m,): names, colours, and what moves.
+    """Return further solutions in a scene at the same times (m,): names, colours, and moving drawables.
 
     Raises:
         InputError: for a solution of another mechanism.
     """
     out = []
-    for i, (name, other) in enumerate(others.items()):
+    for i, (name, other) in enumerate(solutions.items()):
         colour = GHOSTS[i % len(GHOSTS)]
         q, inside = _configurations(sol, name, other, times)
         own = scene.for_motion(q[inside])
@@ -93,20 +93,20 @@ def ghosts(
 
 
 def choices(
-    sol: "Solution", scene: "Scene", others: Mapping[str, "Solution"], times: Array
+    sol: "Solution", scene: "Scene", solutions: Mapping[str, "Solution"], times: Array
 ) -> Iterator[tuple[str, tuple[list[Motion], Array]]]:
-    """Yield solutions at the same times (m,), of which one is shown at a time: names, motions of the parts, and q.
+    """Yield selectable solutions at the same times (m,): names, motions of the drawables, and q.
 
     Raises:
         InputError: for a solution of another mechanism.
     """
-    for name, other in others.items():
+    for name, other in solutions.items():
         q, _ = _configurations(sol, name, other, times)
         yield name, (motions(scene, q), q)
 
 
 def _configurations(sol: "Solution", name: str, ghost: "Solution", times: Array) -> tuple[Array, Array]:
-    """Return configurations (m, nq) of another solution at times (m,), and whether they are within its time span."""
+    """Return configurations (m, nq) of a ghost at times (m,), and whether they are within its time span."""
     mech, other = sol.mechanism, ghost.mechanism
     if not _same_joints(mech, other):
         raise InputError(f"ghost {name!r} is of {other.title!r}, whose joints are not those of {mech.title!r}")
@@ -135,7 +135,7 @@ def traces(
 
     Args:
         mechanism: the mechanism.
-        names: of frames; ``contact.<closure>`` is a contact point.
+        names: names of frames; ``contact.<closure>`` is a contact point.
         configurations: times (k,) to configurations (k, nq).
         times: equidistant times.
         deformation: factor on displacements of flexible bodies.
@@ -143,28 +143,28 @@ def traces(
     Raises:
         UnknownNameError: for a frame or rolling closure that does not exist.
     """
-    listed, model = as_list(names, "traces is a list of frames"), with_scaled_deformation(mechanism.model, deformation)
+    frames, model = as_list(names, "traces is a list of frames"), with_scaled_deformation(mechanism.model, deformation)
 
     def paths(q: Array) -> list[Array]:
         return [
             contact_path(mechanism, name.removeprefix(CONTACT_PREFIX), q)
             if name.startswith(CONTACT_PREFIX)
             else frame_paths(model, [name], q)[0]
-            for name in listed
+            for name in frames
         ]
 
-    found = paths(configurations(times)) if listed else []
-    while len(times) <= PIECES // 2 and any(_largest_corner(track) > SMOOTH for track in found):
+    found = paths(configurations(times)) if frames else []
+    while len(times) <= SEGMENTS // 2 and any(_largest_corner(track) > SMOOTH for track in found):
         times = np.linspace(times[0], times[-1], 2 * len(times) - 1)
         found = paths(configurations(times))
     return [
         {"name": name, "colour": COLOURS[i % len(COLOURS)], "points": track}
-        for i, (name, track) in enumerate(zip(listed, found, strict=True))
+        for i, (name, track) in enumerate(zip(frames, found, strict=True))
     ]
 
 
 def _largest_corner(points: Array) -> float:
-    """Return the largest angle in rad between successive pieces of a path (m, 3), of pieces that are visible."""
+    """Return the largest angle in rad between successive visible segments of a path (m, 3)."""
     steps = np.diff(points, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     steps = steps[lengths > NEGLIGIBLE * np.ptp(points, axis=0).max(initial=0.0)]
@@ -174,7 +174,7 @@ def _largest_corner(points: Array) -> float:
 
 
 def path_commands(path: str, points: Array, colour: str, radius: float) -> Iterator[dict[str, Any]]:
-    """Yield the commands that draw a path (m, 3): a thin line, and cylinders of which those so far are shown."""
+    """Yield the commands that draw a path (m, 3): a thin line, and bars that are shown up to the current time."""
     rgba, mark = int(colour[1:], 16), {"transparent": True, "depthTest": False}
     line = {"uuid": "line", "type": "LineBasicMaterial", "color": rgba, "opacity": 0.5, **mark}
     data = {"attributes": {"position": buffer_attribute(points)}}
@@ -183,13 +183,13 @@ def path_commands(path: str, points: Array, colour: str, radius: float) -> Itera
         "materials": [line],
         "object": {"uuid": "o", "type": "Line", "geometry": "g", "material": "line", "renderOrder": 499},
     })  # fmt: skip
-    ends = points[np.unique(np.linspace(0, len(points) - 1, min(len(points), PIECES + 1)).astype(int))]
+    ends = points[np.unique(np.linspace(0, len(points) - 1, min(len(points), SEGMENTS + 1)).astype(int))]
     steps = np.diff(ends, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     z = np.where(lengths[:, None] > 0, steps / np.maximum(lengths, TINY)[:, None], [0.0, 0.0, 1.0])
     x = np.cross(z, np.eye(3)[np.abs(z).argmin(axis=1)])
     x /= np.linalg.norm(x, axis=1)[:, None]
-    matrices = np.zeros((len(steps), 4, 4))  # columns of the matrices are rows here
+    matrices = np.zeros((len(steps), 4, 4))  # transposed: three.js stores columns
     matrices[:, :, :3] = np.stack(
         [radius * x, radius * np.cross(z, x), (lengths + radius)[:, None] * z, (ends[1:] + ends[:-1]) / 2], axis=1
     )
@@ -212,8 +212,8 @@ def path_clips(path: str, points: Array, times: Array) -> list[dict[str, Any]]:
     """Return the animation of a path (m, 3) of `path_commands` over times (m,) in s."""
     if len(points) < 2:
         return []
-    pieces = min(len(points) - 1, PIECES)
-    track = {"name": ".count", "type": "number", "values": [0, pieces], "times": [0.0, float(times[-1])]}
+    n_segments = min(len(points) - 1, SEGMENTS)
+    track = {"name": ".count", "type": "number", "values": [0, n_segments], "times": [0.0, float(times[-1])]}
     return [{"path": f"{path}/<object>", "clip": {"fps": 1, "tracks": [track]}}]
 
 

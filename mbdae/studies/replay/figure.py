@@ -42,9 +42,9 @@ def posture(sol: Solution) -> "Figure":
     width, height, _ = np.ptp(corners.reshape(-1, 3), axis=0)
     figure = empty_figure(WIDTH, np.clip(0.9 * WIDTH * height / width, 0.8, MAX_HEIGHT - 0.5) + 0.5)
     ax: Any = figure.subplots()
-    drawn = PolyCollection(corners[order][:, :, :2], facecolors=colours[order], edgecolors="face", linewidths=0.2)
-    drawn.set_rasterized(True)
-    ax.add_collection(drawn)
+    triangles = PolyCollection(corners[order][:, :, :2], facecolors=colours[order], edgecolors="face", linewidths=0.2)
+    triangles.set_rasterized(True)
+    ax.add_collection(triangles)
     ax.set_aspect("equal")
     ax.autoscale_view()
     if thin < 0:
@@ -67,9 +67,9 @@ def _view(thin: int) -> Array:
 def _triangles(scene: "Scene", q: Array) -> Iterator[tuple[Array, tuple[float, ...]]]:
     """Yield corners (n, 3, 3) in the world [m] and colours of all surfaces at q (nq,)."""
     for part, motion in zip(drawables(scene), motions(scene, q[None]), strict=True):
-        now = {key: track.values[0] for key, track in motion.items()}
-        pose = transform(now["position"], now["rotation"], part.scale * now.get("scale", np.ones(3)))
-        stretch = now.get("stretch", 0.0)
+        pose_now = {key: track.values[0] for key, track in motion.items()}
+        pose = transform(pose_now["position"], pose_now["rotation"], part.scale * pose_now.get("scale", np.ones(3)))
+        stretch = pose_now.get("stretch", 0.0)
         for surface in part.solid.surfaces if part.style == "body" else ():
             points = surface.points if part.solid.stretch is None else surface.points + stretch * part.solid.stretch
             yield (points @ pose[:3, :3].T + pose[:3, 3])[surface.faces], part.rgba or surface.rgba or GREY

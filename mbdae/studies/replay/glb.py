@@ -26,7 +26,7 @@ VERTICES, INDICES = 34962, 34963  # targets of a buffer view
 
 
 class _File:
-    """The parts of a glTF file, each a list, and the bytes they refer to."""
+    """Contents of a glTF file: lists of elements by kind, and the binary data to which they refer."""
 
     def __init__(self, title: str) -> None:
         self.data = bytearray()
@@ -38,25 +38,25 @@ class _File:
         }
         self.known: dict[Any, int] = {}
 
-    def add(self, kind: str, what: dict[str, Any]) -> int:
-        self.parts[kind].append(what)
+    def add(self, kind: str, item: dict[str, Any]) -> int:
+        self.parts[kind].append(item)
         return len(self.parts[kind]) - 1
 
-    def once(self, key: object, kind: str, what: dict[str, Any]) -> int:
+    def add_once(self, key: object, kind: str, item: dict[str, Any]) -> int:
         if key not in self.known:
-            self.known[key] = self.add(kind, what)
+            self.known[key] = self.add(kind, item)
         return self.known[key]
 
     def accessor(self, values: Array, target: int | None = None, bounded: bool = False) -> int:
-        """An accessor of rows of floats, or of indices."""
+        """Add an accessor of rows of floats, or of indices; return its index."""
         dtype, component = ("<u4", UINT) if target == INDICES else ("<f4", FLOAT)
         array = np.ascontiguousarray(values, dtype)
         view = {"buffer": 0, "byteOffset": len(self.data), "byteLength": array.nbytes}
         self.data += array.tobytes()
         number = self.add("bufferViews", view | ({"target": target} if target else {}))
-        wide = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}[array.shape[1] if array.ndim > 1 else 1]
+        kind_of_rows = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}[array.shape[1] if array.ndim > 1 else 1]
         out: dict[str, Any] = {
-            "bufferView": number, "componentType": component, "count": len(array), "type": wide,
+            "bufferView": number, "componentType": component, "count": len(array), "type": kind_of_rows,
         }  # fmt: skip
         if bounded:
             out |= {f: np.atleast_1d(getattr(array, f)(axis=0)).astype(float).tolist() for f in ("min", "max")}
@@ -73,7 +73,7 @@ class _File:
         return self.known[solid, rgba]
 
     def primitive(self, v: Vertices, rgba: tuple[float, ...], image: bytes) -> dict[str, Any]:
-        """Triangles with normals, and texture coordinates from the upper left."""
+        """Return triangles with normals, and texture coordinates from the upper left corner."""
         attributes = {
             "POSITION": self.accessor(v.points, VERTICES, bounded=True),
             "NORMAL": self.accessor(v.normals, VERTICES),
@@ -95,7 +95,7 @@ class _File:
             shading["baseColorTexture"] = {"index": self.texture(image)}
         material = {"pbrMetallicRoughness": shading, "doubleSided": True}
         material |= {"alphaMode": "BLEND"} if colour[3] < 1 else {}
-        return self.once(("shading", colour, image), "materials", material)
+        return self.add_once(("shading", colour, image), "materials", material)
 
     def texture(self, image: bytes) -> int:
         if image not in self.known:
@@ -108,7 +108,7 @@ class _File:
         return self.known[image]
 
     def bytes(self) -> bytes:
-        """The file: its head, the parts as JSON, and the numbers."""
+        """Return the file: header, JSON chunk and binary chunk."""
         parts = {k: v for k, v in self.parts.items() if v != []} | {"buffers": [{"byteLength": len(self.data)}]}
         text = json.dumps(parts, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)
@@ -123,9 +123,9 @@ def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float, marks:
 
     Args:
         scene: the scene; marks of closures are not drawn.
-        times: (m,) in s.
-        q: (m, nq) configurations.
-        title: of the scene.
+        times: times in s, (m,).
+        q: configurations, (m, nq).
+        title: title of the scene.
         speed: seconds of motion per second of the animation.
         marks: balls at active contacts, and for a quarter of a second at impacts.
     """
@@ -139,16 +139,16 @@ def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float, marks:
 
 
 class _Animation:
-    """Animated nodes over times (m,) in s, ``speed`` of which pass in a second."""
+    """Animated nodes over times (m,) in s; ``speed`` is seconds of motion per second of the animation."""
 
     def __init__(self, title: str, times: Array, speed: float) -> None:
         self.file, self.speed, self.moves = _File(title), speed, len(times) > 1
         self.file.add("nodes", {"name": title or "mechanism", "rotation": UP, "children": []})
-        self.clock = self.file.accessor(times / speed, bounded=True) if self.moves else -1
+        self.times_index = self.file.accessor(times / speed, bounded=True) if self.moves else -1
         self.motion: dict[str, Any] = {"name": "motion", "samplers": [], "channels": []}
 
     def add(self, part: Drawable, motion: Motion) -> None:
-        """Add a node with the motion of a part; ``scale`` includes that of the part."""
+        """Add a node with the motion of a drawable; ``scale`` includes its scale."""
         tracks = {PATHS[key]: track for key, track in motion.items() if key in PATHS}
         scale = tracks.get("scale", Track(np.ones((1, 3))))
         tracks["scale"] = scale._replace(values=scale.values * np.array(part.scale))
@@ -163,14 +163,16 @@ class _Animation:
                 self._add_channel(node, path, track)
 
     def bytes(self) -> bytes:
-        """The file."""
+        """Return the file."""
         if self.motion["channels"]:
             self.file.parts["animations"] = [self.motion]
         return self.file.bytes()
 
     def _add_channel(self, node: int, path: str, track: Track) -> None:
-        clock = self.clock if track.times is None else self.file.accessor(track.times / self.speed, bounded=True)
-        sampler = {"input": clock, "interpolation": "STEP" if track.stepped else "LINEAR"}
+        times = self.times_index
+        if track.times is not None:
+            times = self.file.accessor(track.times / self.speed, bounded=True)
+        sampler = {"input": times, "interpolation": "STEP" if track.stepped else "LINEAR"}
         self.motion["samplers"].append({**sampler, "output": self.file.accessor(track.values)})
         target = {"node": node, "path": path}
         self.motion["channels"].append({"sampler": len(self.motion["samplers"]) - 1, "target": target})

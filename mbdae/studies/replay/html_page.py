@@ -32,7 +32,7 @@ SCRIPTS = ("scene", "camera", "plots", "controls", "linkage", "sliders", "print"
 
 
 class Extras(NamedTuple):
-    """Contents of a scene besides its drawables.
+    """Contents of a scene besides the drawables of the mechanism.
 
     Attributes:
         moving: ghosts, and marks of switches.
@@ -58,10 +58,10 @@ def scene_data(
     Args:
         scene: the scene, with lengths of rails and springs.
         model: the tree.
-        shown: motions of its drawables.
-        times: of their frames, from 0 in s, (m,).
+        shown: motions of the drawables.
+        times: times of the frames in s, from 0, (m,).
         seen: configurations that should be visible, (n, nq).
-        extras: other contents.
+        extras: further contents.
     """
     seen, bodies = sampled(seen), followable_bodies(scene, model)
     points = VisiblePoints(scene, seen)
@@ -70,9 +70,9 @@ def scene_data(
     heaviest, extent = next(iter(bodies), ""), all_visible.extent
     travels = bool(heaviest) and all_visible.moves and extent > FAR * visible_with[heaviest].extent
     solids: list[Solid] = []
-    own = MovingParts(drawables(scene), list(shown), ROOT)
+    mechanism = MovingParts(drawables(scene), list(shown), ROOT)
     commands, clips = list(surroundings(extent)), []
-    for parts, motions, root in (own, *extras.moving, arrow_parts(extras.forces, extent)):
+    for parts, motions, root in (mechanism, *extras.moving, arrow_parts(extras.forces, extent)):
         commands += [*draw_commands(parts, solids, root), *pose_commands(parts, motions, root=root)]
         clips += animation_clips(parts, motions, root)
     for trace in extras.traces:
@@ -90,7 +90,7 @@ def scene_data(
         "cell": grid_spacing(extent),
         "levels": ground_levels(bounds(scene, seen), extent, scene.ground),
         "visible": {name: typed_array(x.points, "float32") for name, x in {"": all_visible, **visible_with}.items()},
-        "bodies": [{"name": name, "path": node_path(own.parts[k].name)} for name, k in bodies.items()],
+        "bodies": [{"name": name, "path": node_path(mechanism.parts[k].name)} for name, k in bodies.items()],
         "legend": list(extras.legend),
     }
 
@@ -136,9 +136,9 @@ def _viewer() -> str:
 
 @cache
 def _script() -> str:
-    """Return the page's own script without lines of comments, which its readers find in mbdae."""
-    parts = [*(_asset(f"replay_{name}.js") for name in SCRIPTS), _asset("replay.js")]
-    return re.sub(r"^ *//.*\n", "", "\n".join(parts), flags=re.MULTILINE)
+    """Return the script of the page, without comment lines."""
+    scripts = [*(_asset(f"replay_{name}.js") for name in SCRIPTS), _asset("replay.js")]
+    return re.sub(r"^ *//.*\n", "", "\n".join(scripts), flags=re.MULTILINE)
 
 
 @cache

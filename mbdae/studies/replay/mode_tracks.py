@@ -18,21 +18,21 @@ if TYPE_CHECKING:
     from ...solution.solution import Solution
 
 ACTIVE_COLOUR, IMPACT_COLOUR = "#6741d9", "#f59f00"
-FLASH, SUDDEN = 0.25, 0.001  # s of viewing: duration and rise time of the mark of an impact
-LISTED_NAMES = 3  # at most, in a line of the legend
-IMPACT_SIZE = 2.5  # size of the mark of the strongest impact, in sizes of the others
+FLASH, SUDDEN = 0.25, 0.001  # duration and rise time of the mark of an impact, in s of viewing
+LISTED_NAMES = 3  # largest number of names in a line of the legend
+IMPACT_SIZE = 2.5  # size of the mark of the strongest impact over that of an active contact
 
 
 class ModeTrack(NamedTuple):
-    """Switch that was active or took impulses in a run.
+    """A switch that was active or received impulses in a run.
 
     Attributes:
-        name: of the switch.
-        word: for the active states in which it was.
-        positions: at each frame in m, (k, m, 3): of its joints, or of the contact point.
-        active: start and end times in s of its active intervals, in order.
+        name: name of the switch.
+        word: names of the active states that occurred.
+        positions: positions of the joints, or of the contact point, at each frame in m, (k, m, 3).
+        active: start and end times in s of the active intervals, in order.
         impacts: times in s of impacts.
-        strength: of impacts, the square root of the impulse relative to the largest one.
+        strength: strengths of impacts: the square root of the impulse over the largest one.
     """
 
     name: str
@@ -47,10 +47,10 @@ def mark_parts(marks: Sequence[ModeTrack], times: Array, speed: float, width: fl
     """Return balls at active contacts, and for a quarter of a second of viewing at impacts.
 
     Args:
-        marks: of a run.
-        times: of the frames of their positions in s, (m,).
+        marks: marks of a run.
+        times: times of the frames in s, (m,).
         speed: seconds of motion per second of viewing.
-        width: of links in m; balls have three times this radius.
+        width: width of links in m; balls have three times this radius.
     """
     out = MovingParts([], [], "/mechanism/mode")
     for mark in marks:
@@ -82,15 +82,16 @@ def mode_legend(marks: Sequence[ModeTrack]) -> list[dict[str, str]]:
 
 
 def _elapsed(t: Sequence[float], times: Array) -> Array:
-    """Return times of a run as times since the first frame, negative before it; a run may go backwards."""
+    """Return times since the first frame, negative before it; time may decrease in the run."""
     return (np.array(t) - times[0]) * (1.0 if times[-1] >= times[0] else -1.0)
 
 
 def _active_scales(mark: ModeTrack, times: Array) -> Track:
-    """Return the sizes of a mark from the times on at which it appears or disappears."""
+    """Return the sizes of a mark, which change at the times at which it appears or disappears."""
     end = np.float32(abs(times[-1] - times[0]))
     ends = _elapsed(mark.active, times).reshape(-1, 2).astype("f4")
-    at = np.unique(np.append(ends[(ends > 0) & (ends < end)], np.float32(0)))  # none at the end: the last frame stays
+    # no change at the end: the last frame remains visible
+    at = np.unique(np.append(ends[(ends > 0) & (ends < end)], np.float32(0)))
     low, high = ends.T
     shown = ((low <= at[:, None]) & (at[:, None] < high)).any(axis=1).astype(float)
     return Track(np.tile(shown[:, None], 3), at, stepped=True)
@@ -110,7 +111,7 @@ def _impact_scales(mark: ModeTrack, times: Array, speed: float) -> Track:
 
 
 def mode_tracks_of(sol: "Solution", q: Array) -> list[ModeTrack]:
-    """Return the switches that were active or took impulses, with their positions at the configurations q (m, nq)."""
+    """Return the switches that were active or received impulses, with their positions at configurations q (m, nq)."""
     out = []
     for switch in sol.mechanism.switches:
         if not switch.rows:  # a driver with a stepwise speed, whose row is active in all modes
@@ -128,7 +129,7 @@ def mode_tracks_of(sol: "Solution", q: Array) -> list[ModeTrack]:
 
 
 def _word(sol: "Solution", switch: "Switch") -> str:
-    """Return the active states in which a switch was."""
+    """Return the names of the active states of a switch that occurred."""
     visited = {mode[switch.index] for _, mode in sol.modes}
     return " or ".join(word for k, word in enumerate(switch.states) if k in visited and switch.active_rows(k))
 

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 Signal = Callable[[float, Array, Array], float] | Sequence[float] | Array
 Plot = str | Sequence[str]
 POINTS = 1500  # points of a curve, more than its pixels
-MAX_CURVES = 7  # curves of one pane, to be distinguishable
-AT_STEPS = ("energy", "work", "g", "Gv")  # errors of a run, shown at its steps, without interpolation
-WORDS = {**QUANTITY_NAMES, "m, rad": "|g|", "m/s, rad/s": "|G v|"}
+MAX_CURVES = 7  # largest number of distinguishable curves in a pane
+AT_STEPS = ("energy", "work", "g", "Gv")  # signals that are drawn at nodes, without interpolation
+AXIS_TITLES = {**QUANTITY_NAMES, "m, rad": "|g|", "m/s, rad/s": "|G v|"}
 
 
 class Curve(NamedTuple):
@@ -40,10 +40,10 @@ class PlotPanel:
 
     Attributes:
         title: the quantity, with its unit.
-        curves: of the solution and of its ghosts.
+        curves: curves of the solution and of its ghosts.
         logarithmic: whether the ordinate is logarithmic.
         cut: lower limit of a logarithmic ordinate, at rounding; 0 for the smallest value.
-        unit: of the curves in SI, as it is in the title.
+        unit: SI unit of the curves, as in the title.
     """
 
     title: str
@@ -63,10 +63,11 @@ def panes(
 
     Args:
         sol: the solution.
-        plots: entries, each a name of `Solution.signals`, the beginning of several (``"q"``, ``"lam.pin"``), or
-            several of both; joint coordinates, energies and |g| when left out.
-        user_signals: by name: functions of (t, q, v), or arrays over ``sol.t``. Those not in ``plots`` follow.
-        ghosts: other solutions, for the same curves.
+        plots: entries, each a name of `Solution.signals`, a prefix of several (``"q"``, ``"lam.pin"``), or a list of
+            both; joint coordinates, energies and |g| when left out.
+        user_signals: functions of (t, q, v), or arrays over ``sol.t``, by name. Signals that are not in ``plots`` have
+            additional panes.
+        ghosts: further solutions, for the same curves.
 
     Raises:
         UnknownNameError: for a name that does not exist.
@@ -76,14 +77,14 @@ def panes(
         return []
     mech = sol.mechanism
     chosen = [_expanded(entry, user_signals, mech) for entry in _entries(plots)]
-    wanted = [*_columns(chosen, user_signals, mech), *(() if plots else ("kinetic", "potential"))]
-    table = _table(sol, user_signals, wanted)
+    required = [*_columns(chosen, user_signals, mech), *(() if plots else ("kinetic", "potential"))]
+    table = _table(sol, user_signals, required)
     groups = _defaults(table, mech) if plots is None else [_Group(tuple(dict.fromkeys(names))) for names in chosen]
-    groups += _others(groups, user_signals)
+    groups += _ungrouped(groups, user_signals)
     functions = {name: signal for name, signal in user_signals.items() if callable(signal)}
-    tables = [table, *(_table(ghost, functions, wanted) for ghost in ghosts)]
+    tables = [table, *(_table(ghost, functions, required) for ghost in ghosts)]
     found = [pane for group in groups for pane in _by_unit(group, tables, mech)]
-    return [_in_shown_units(_readable(pane) if plots is None else pane) for pane in found]
+    return [_in_display_units(_readable(pane) if plots is None else pane) for pane in found]
 
 
 class _Group(NamedTuple):
@@ -92,10 +93,10 @@ class _Group(NamedTuple):
 
 
 def _entries(plots: str | Sequence[Plot] | None) -> list[tuple[str, ...]]:
-    what = "plots is a list of signals, or of lists of them"
-    given = [plots] if isinstance(plots, str) else plots or ()
-    require(given, Iterable, what)
-    return [tuple(as_list(entry, what)) for entry in given]
+    message = "plots is a list of signals, or of lists of them"
+    entries = [plots] if isinstance(plots, str) else plots or ()
+    require(entries, Iterable, message)
+    return [tuple(as_list(entry, message)) for entry in entries]
 
 
 def _expanded(entry: Sequence[str], user_signals: Mapping[str, Signal], mech: "Mechanism") -> list[str]:
@@ -109,7 +110,7 @@ def _columns(chosen: Sequence[Sequence[str]], user_signals: Mapping[str, Signal]
     return [*(name for entry in chosen for name in entry if name not in user_signals), *coordinates]
 
 
-def _others(groups: Sequence[_Group], user_signals: Mapping[str, Signal]) -> list[_Group]:
+def _ungrouped(groups: Sequence[_Group], user_signals: Mapping[str, Signal]) -> list[_Group]:
     """Return a group for each user signal that is in no other group."""
     grouped = {name for group in groups for name in group.names}
     return [_Group((name,)) for name in user_signals if name not in grouped]
@@ -133,12 +134,12 @@ def _largest_range(table: Mapping[str, Curve], names: list[str]) -> _Group:
 
 def _by_unit(group: _Group, tables: Sequence[Mapping[str, Curve]], mech: "Mechanism") -> list[PlotPanel]:
     known = units(mech)
-    unit = {name: known.get(name, name) for name in group.names}  # a user's signal has its user_signals pane
+    unit = {name: known.get(name, name) for name in group.names}  # each user signal has a separate pane
     out = []
     for kind in dict.fromkeys(unit.values()):
         names = [name for name in group.names if unit[name] == kind]
         curves = [t[n]._replace(ghost=k - 1) for k, t in enumerate(tables) for n in names if n in t]
-        word = names[0] if len(names) == 1 and names[0] not in ("g", "Gv") else WORDS.get(kind, kind)
+        word = names[0] if len(names) == 1 and names[0] not in ("g", "Gv") else AXIS_TITLES.get(kind, kind)
         title = f"{word} ({kind}){group.note}" if kind not in ("", "1", word) else word + group.note
         drift = set(names) <= {"g", "Gv"}
         out.append(PlotPanel(title, _without_common_prefix(curves), drift, BELOW_ROUNDING if drift else 0.0, kind))
@@ -148,12 +149,12 @@ def _by_unit(group: _Group, tables: Sequence[Mapping[str, Curve]], mech: "Mechan
 def _without_common_prefix(curves: Sequence[Curve]) -> tuple[Curve, ...]:
     """Return curves without a common prefix of their names, which is in the title."""
     headers = {c.name.partition(".")[0] for c in curves}
-    same_head = len(headers) == 1 and all("." in c.name for c in curves)
-    return tuple(c._replace(name=c.name.partition(".")[2]) if same_head else c for c in curves)
+    common = len(headers) == 1 and all("." in c.name for c in curves)
+    return tuple(c._replace(name=c.name.partition(".")[2]) if common else c for c in curves)
 
 
-def _in_shown_units(pane: PlotPanel) -> PlotPanel:
-    """Return a pane in the units in which results are shown; those of a user's signal are not known."""
+def _in_display_units(pane: PlotPanel) -> PlotPanel:
+    """Return a pane in display units; units of user signals are not known."""
     title = pane.title.replace(f"({pane.unit})", f"({unit_name(pane.unit)})")
     if title == pane.title:
         return pane
@@ -165,8 +166,8 @@ def _readable(pane: PlotPanel) -> PlotPanel:
     """Return a pane with angles wrapped to -pi and pi, and potential energy relative to its start."""
     if pane.title.startswith("energies"):
         zero = next((c.y[0] for c in pane.curves if c.name == "potential" and c.ghost < 0), 0.0)
-        moved = tuple(c if c.name == "kinetic" else c._replace(y=c.y - zero) for c in pane.curves)
-        return replace(pane, title="energies (J), potential from its start", curves=moved)
+        shifted = tuple(c if c.name == "kinetic" else c._replace(y=c.y - zero) for c in pane.curves)
+        return replace(pane, title="energies (J), potential from its start", curves=shifted)
     if "(rad)" not in pane.title or not any(np.ptp(c.y) > 2 * np.pi for c in pane.curves):
         return pane
     angular = {c.name for c in pane.curves if np.ptp(c.y) > 2 * np.pi}
@@ -179,16 +180,16 @@ def _wrapped(curve: Curve) -> Curve:
     """Return an angle in [-pi, pi), with gaps at its jumps."""
     y = (curve.y + np.pi) % (2 * np.pi) - np.pi
     jumps = np.flatnonzero(np.abs(np.diff(y)) > np.pi) + 1
-    near = np.abs(curve.t[:, None] - (curve.t[jumps - 1] + curve.t[jumps]) / 2).min(axis=1, initial=np.inf)
-    return curve._replace(y=np.where(near < np.ptp(curve.t) / 400, np.nan, y))
+    distance = np.abs(curve.t[:, None] - (curve.t[jumps - 1] + curve.t[jumps]) / 2).min(axis=1, initial=np.inf)
+    return curve._replace(y=np.where(distance < np.ptp(curve.t) / 400, np.nan, y))
 
 
-def _table(sol: "Solution", user_signals: Mapping[str, Signal], wanted: Sequence[str]) -> dict[str, Curve]:
-    """Return the requested curves of a solution by name, smooth ones at uniform times, the others at its steps."""
+def _table(sol: "Solution", user_signals: Mapping[str, Signal], required: Sequence[str]) -> dict[str, Curve]:
+    """Return the requested curves of a solution by name: smooth ones at uniform times, `AT_STEPS` at nodes."""
     sample = np.unique(np.linspace(0, len(sol.t) - 1, min(len(sol.t), POINTS)).astype(int))
     steps = replace(sol, t=sol.t[sample], y=sol.y[sample], z_own=sol.z_own[sample], steps=sol.nodes)
     smooth = sol.resampled(np.linspace(sol.t[0], sol.t[-1], POINTS)) if len(sol.t) > 1 else steps
-    table = {name: Curve(name, smooth.t, values) for name, values in signals(smooth, wanted).items()}
+    table = {name: Curve(name, smooth.t, values) for name, values in signals(smooth, required).items()}
     table |= {name: Curve(name, steps.t, values) for name, values in signals(steps, AT_STEPS).items()}
     for name, signal in user_signals.items():
         if name in units(sol.mechanism):

@@ -79,7 +79,7 @@ function film(page, scene, first, last, count) {
   const picture = document.createElement("canvas"), box = document.querySelector("main").getBoundingClientRect();
   [picture.width, picture.height] = [box.width, box.height];
   const c = picture.getContext("2d"), out = document.createElement("pre");
-  const words = element => {
+  const drawText = element => {
     if (!element.offsetParent) return;
     const style = getComputedStyle(element), spot = document.createRange();
     spot.selectNodeContents(element);
@@ -97,7 +97,7 @@ function film(page, scene, first, last, count) {
       const {left, top, width, height} = canvas.getBoundingClientRect();
       c.drawImage(canvas, left, top, width, height);
     }
-    for (const element of document.querySelectorAll("#caption h1, #clock, #legend span, .u-title, .u-legend .u-label, .u-legend .u-value")) words(element);
+    for (const element of document.querySelectorAll("#caption h1, #clock, #legend span, .u-title, .u-legend .u-label, .u-legend .u-value")) drawText(element);
     for (const line of document.querySelectorAll("#legend i, .u-marker, .now")) {
       const {left, top, width, height} = line.getBoundingClientRect();
       c.fillStyle = getComputedStyle(line).backgroundColor || "#0000";
@@ -125,16 +125,16 @@ async function main() {
     document.head.append(script);
   }
   const scene = decode(await unpack("scene-data"));
-  const pane = byId("pane"), undrawn = withoutDrawing(), viewer = new MeshCat.Viewer(pane, false);
-  undrawn(viewer);
+  const pane = byId("pane"), disableDrawing = withoutDrawing(), viewer = new MeshCat.Viewer(pane, false);
+  disableDrawing(viewer);
   viewer.set_3d_pane_size = () => {};
   viewer.scene.rotation.set(0, 0, 0);  // z is up
   viewer.renderer.shadowMap.type = MeshCat.THREE.PCFShadowMap;
-  const shooting = location.hash.match(/^#film=(\d+),(\d+),(\d+),(\d+)x(\d+)$/);
-  if (shooting) {
+  const filming = location.hash.match(/^#film=(\d+),(\d+),(\d+),(\d+)x(\d+)$/);
+  if (filming) {
     const main = document.querySelector("main");
     main.className = "film";
-    [main.style.width, main.style.height] = [`${shooting[4]}px`, `${shooting[5]}px`];
+    [main.style.width, main.style.height] = [`${filming[4]}px`, `${filming[5]}px`];
   }
   build(viewer, scene);
   const page = player(viewer, scene), {view} = page;
@@ -156,10 +156,10 @@ async function main() {
     if (window.mbdae) viewer.render();  // immediately: resizing clears the canvas
   };
   arrange();
-  if (shooting) {
+  if (filming) {
     await new Promise(done => setTimeout(done));  // until plots have their size
     page.show();
-    return film(page, scene, ...shooting.slice(1, 4).map(Number));
+    return film(page, scene, ...filming.slice(1, 4).map(Number));
   }
   page.pauseAt(scene.start);
   if (scene.sliders) page.slide(0);

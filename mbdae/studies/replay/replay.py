@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 MIN_FRAMES = 101  # short runs are often viewed in slow motion
 MAX_FRAMES = 6001  # unless fps is given: 100 s of viewing; the page interpolates between frames
-VIEWING = 4.0  # s: duration of slow motion, for motions shorter than half of it
+VIEWING = 4.0  # s, duration of the slow motion of runs that are shorter than half of it
 CAMERAS = ("front", "top", "side", "3d")
 NOTEBOOK = 20e6  # characters: larger pages make notebooks slow
 
@@ -67,21 +67,21 @@ def animate(
         speed: seconds of motion per second of viewing; below 1 is slow motion. When left out 1, or less for motions
             shorter than two seconds.
         plots: curves next to the scene, each a name of `Solution.signals` (``"q.crank"``), the beginning of
-            several (``"q"``, ``"lam.wrist pin"``), or a sequence of both for common axes. Joint coordinates, energies
+            several (``"q"``, ``"lam.wrist pin"``), or a list of both for common axes. Joint coordinates, energies
             and |g| when left out; () for none.
-        signals: more signals by name: functions of (t, q, v), or arrays over ``sol.t``.
+        signals: additional signals by name: functions of (t, q, v), or arrays over ``sol.t``.
         traces: names of frames whose paths are drawn; ``contact.<closure>`` is a contact point.
-        ghosts: other solutions of the same joints by name, drawn translucent in the scene and dashed in the plots;
+        ghosts: further solutions with the same joints by name, drawn translucent in the scene and dashed in the plots;
             impacts and sticking are marked for ``sol`` alone.
-        choices: solutions of this mechanism by name of which one is shown at a time, as chosen in the page; the
-            first replaces ``sol``.
+        choices: solutions of this mechanism by name, of which the page shows the selected one; the first replaces
+            ``sol``.
         arrows: names of closures and joints whose forces on the body of their second frame, or on the child body, are
             drawn as arrows; True for all closures between frames. For redundant rows, those of minimum norm.
         camera: ``"front"`` (along y), ``"top"`` or ``"side"`` (along x), without perspective, or ``"3d"``; when left
             out normal to the plane of a planar motion, else 3d.
         follow: a joint whose body the camera follows, ``""`` for none; when left out the heaviest one if the
             mechanism travels far.
-        closures: whether all closures are marked, also those without a visible gap.
+        closures: whether all closures are marked; otherwise only closures with a visible gap.
         deformation: factor on the deflections of flexible bodies in the scene; 1 when left out.
         progress: called with the finished fraction of a video.
 
@@ -97,7 +97,7 @@ def animate(
     if suffix == ".glb":
         from .glb import glb
 
-        _checked(sol, fps, speed, deformation)
+        _check_arguments(sol, fps, speed, deformation)
         times, q = _frames(sol, 30.0 if fps is None else fps, MAX_FRAMES)
         with atomic_write(path) as draft:
             scene = sol.mechanism.scene.with_scaled_deformation(deformation).for_motion(q)
@@ -138,7 +138,7 @@ def page(
     Raises:
         InputError: as `animate`.
     """
-    _checked(sol, fps, speed, deformation)
+    _check_arguments(sol, fps, speed, deformation)
     mechanism, ghosts, choices = sol.mechanism, ghosts or {}, choices or {}
     _check_solutions("ghost", ghosts)
     _check_solutions("choice", choices)
@@ -152,7 +152,7 @@ def page(
     if follow:
         _check_known("body", follow, list(tracks.followable_bodies(scene, mechanism.model)))
     shown, offsets = motions(scene, q), np.abs(times - times[0])
-    others = dict(tracks.choices(sol, scene, choices, times))
+    selectable = dict(tracks.choices(sol, scene, choices, times))
     drawn_ghosts = tracks.ghosts(sol, bent, ghosts, times)
     marks = [] if choices else mode_tracks_of(sol, q)
     forces = tracks.arrows(sol, arrows, times, deformation)
@@ -167,8 +167,8 @@ def page(
         forces,
         [*_legend(drawn_ghosts, paths, forces), *mode_legend(marks)],
     )
-    choice_motions = {name: found for name, (found, _) in others.items()}
-    seen = np.concatenate([sampled(q), *(sampled(x) for _, x in others.values())])
+    choice_motions = {name: found for name, (found, _) in selectable.items()}
+    seen = np.concatenate([sampled(q), *(sampled(x) for _, x in selectable.values())])
     payload = {
         **scene_data(scene, mechanism.model, shown, offsets, seen, extras),
         "choices": selectable_clips(drawables(scene), shown, choice_motions, offsets),
@@ -198,7 +198,7 @@ def _legend(
     return out
 
 
-def _checked(sol: object, fps: float | None, speed: float | None, deformation: float | None) -> None:
+def _check_arguments(sol: object, fps: float | None, speed: float | None, deformation: float | None) -> None:
     if not hasattr(sol, "mechanism"):
         raise InputError(f"animate takes a Solution (see mbdae.solve), got {sol!r:.60}")
     for name, value in (("fps", fps), ("speed", speed)):
@@ -208,16 +208,16 @@ def _checked(sol: object, fps: float | None, speed: float | None, deformation: f
         raise InputError(f"deformation is a factor, a finite number, not {deformation!r:.60}")
 
 
-def _check_solutions(what: str, table: Mapping[str, object]) -> None:
-    require(table, Mapping, f"{what}s are solutions by name")
+def _check_solutions(kind: str, table: Mapping[str, object]) -> None:
+    require(table, Mapping, f"{kind}s are solutions by name")
     for name, sol in table.items():
         if not hasattr(sol, "mechanism"):
-            raise InputError(f"{what} {name!r} is a Solution (see mbdae.solve), got {sol!r:.60}")
+            raise InputError(f"{kind} {name!r} is a Solution (see mbdae.solve), got {sol!r:.60}")
 
 
-def _check_known(what: str, name: str, known: Sequence[str]) -> None:
+def _check_known(kind: str, name: str, known: Sequence[str]) -> None:
     if name not in known:
-        raise UnknownNameError(what, name, known)
+        raise UnknownNameError(kind, name, known)
 
 
 def playback_speed(sol: "Solution") -> float:
@@ -238,8 +238,8 @@ def notebook(sol: "Solution") -> str:
     return inline_frame(text)
 
 
-def _frames(sol: "Solution", rate: float, most: int | None) -> tuple[np.ndarray, np.ndarray]:
-    """Return uniform times (m,), at most ``most``, and the configurations (m, nq) at these times."""
+def _frames(sol: "Solution", rate: float, max_frames: int | None) -> tuple[np.ndarray, np.ndarray]:
+    """Return uniform times (m,), at most ``max_frames``, and the configurations (m, nq) at these times."""
     if len(sol.t) == 0:
         raise InputError("the solution is empty: there is no motion to show")
     if len(sol.t) == 1:
@@ -247,7 +247,7 @@ def _frames(sol: "Solution", rate: float, most: int | None) -> tuple[np.ndarray,
     else:
         start, end = float(sol.t[0]), float(sol.t[-1])
         count = max(MIN_FRAMES, int(np.ceil(abs(end - start) * rate)) + 1)
-        times = np.linspace(start, end, min(count, most or count))
+        times = np.linspace(start, end, min(count, max_frames or count))
         q = sol(times)[0]
     bad = ~np.isfinite(q).all(axis=1)
     if bad.any():

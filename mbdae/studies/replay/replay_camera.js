@@ -116,8 +116,8 @@ function cameras(viewer, scene, pane, covered) {
 function shine(viewer, {extent, levels, cell}, target, view, back) {
   const {Vector3} = MeshCat.THREE, sun = nodeOf(viewer, "Lights/Sun/<object>"), ground = nodeOf(viewer, "ground");
   const leaning = {front: [-0.35, -1, 0.5], side: [1, -0.35, 0.5], top: [-0.3, 0.35, 1], "3d": [-0.25, -0.35, 1]}[view];
-  const way = new Vector3(...leaning).add(view === "3d" ? back.clone().multiplyScalar(0.3) : new Vector3()).normalize();
-  sun.position.copy(target).addScaledVector(way, 3 * extent);
+  const light = new Vector3(...leaning).add(view === "3d" ? back.clone().multiplyScalar(0.3) : new Vector3()).normalize();
+  sun.position.copy(target).addScaledVector(light, 3 * extent);
   sun.target.position.copy(target);
   sun.target.updateMatrixWorld();
   ground.position.fromArray(target.toArray().map(x => Math.round(x / cell) * cell));

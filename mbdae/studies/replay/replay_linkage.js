@@ -1,15 +1,15 @@
 
-// A mechanism whose loops the page closes after changes of some coordinates, by Gauss-Newton. Rows between frames have a wrench w on b and -w on a at the world's origin, dg = w . (V_b - V_a).
+// Assembly in the page: closes the loops of a mechanism by Gauss-Newton when coordinates change. Rows between frames have a wrench w on b and -w on a at the world's origin, dg = w . (V_b - V_a).
 
-const CLOSED = 1e-10, STEPS = 20, WIDEST = 0.5;  // tolerance of g; iterations per pose; largest step in rad or m, to stay on the branch
+const CLOSED = 1e-10, ITERATIONS = 20, LARGEST_STEP = 0.5;  // tolerance of g; iterations per pose; in rad or m, to stay on the branch
 
-function linkage({joints, values, pairs, rows, held}) {
-  const {Matrix4} = MeshCat.THREE, n = values.length, pivots = new Set(held);
+function linkage({joints, values, pairs, rows, prescribed}) {
+  const {Matrix4} = MeshCat.THREE, n = values.length, pivots = new Set(prescribed);
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
   const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-  const less = (a, b) => a.map((x, i) => x - b[i]);
-  const turned = ({elements: e}, v) => [0, 1, 2].map(i => e[i] * v[0] + e[4 + i] * v[1] + e[8 + i] * v[2]);
-  const placed = (m, v) => turned(m, v).map((x, i) => x + m.elements[12 + i]);
+  const subtract = (a, b) => a.map((x, i) => x - b[i]);
+  const rotate = ({elements: e}, v) => [0, 1, 2].map(i => e[i] * v[0] + e[4 + i] * v[1] + e[8 + i] * v[2]);
+  const transform = (m, v) => rotate(m, v).map((x, i) => x + m.elements[12 + i]);
   const places = joints.map(({place}) => new Matrix4().fromArray(place));
   const above = joints.map(({parent}, j) => { const out = new Set([j + 1]); for (let k = parent; k; k = joints[k - 1].parent) out.add(k); return out; });
   const frames = pairs.map(pair => pair.map(({turn: R, at}) => new Matrix4().set(...R.slice(0, 3), at[0], ...R.slice(3, 6), at[1], ...R.slice(6), at[2], 0, 0, 0, 1)));
@@ -26,7 +26,7 @@ function linkage({joints, values, pairs, rows, held}) {
     return new Matrix4().set(i[0], j[0], k[0], t[0], i[1], j[1], k[1], t[1], i[2], j[2], k[2], t[2], 0, 0, 0, 1);
   };
   const twist = ({axes, at}, x) => [0, 1, 2, 3, 4, 5].map(i => axes.reduce((sum, axis, k) => sum + axis[i] * x[at + k], 0));
-  const stepped = ({own, u}, x) => ({
+  const integrate = ({own, u}, x) => ({
     own: own.map((pose, j) => pose.clone().multiply(exp(twist(joints[j], x)))), u: u.map((value, i) => value + x[i]),
   });
   const world = ({own}) => {
@@ -39,22 +39,22 @@ function linkage({joints, values, pairs, rows, held}) {
   const columns = poses => {
     const out = [];
     joints.forEach(({axes, at}, j) => axes.forEach((axis, k) => {
-      const pose = poses[j + 1], turn = turned(pose, axis.slice(3)), shift = turned(pose, axis.slice(0, 3));
+      const pose = poses[j + 1], turn = rotate(pose, axis.slice(3)), shift = rotate(pose, axis.slice(0, 3));
       out[at + k] = {joint: j + 1, linear: cross(pose.elements.slice(12, 15), turn).map((e, i) => e + shift[i]), angular: turn};
     }));
     return out;
   };
   const between = {
     dot_product_1: ({a, b}, A, B) => {
-      const [first, second] = [turned(A, a), turned(B, b)];
+      const [first, second] = [rotate(A, a), rotate(B, b)];
       return [dot(first, second), [0, 0, 0], cross(second, first)];
     },
     dot_product_2: ({a}, A, B) => {
-      const n = turned(A, a), at = placed(B, [0, 0, 0]);
-      return [dot(n, less(at, placed(A, [0, 0, 0]))), n, cross(at, n)];
+      const n = rotate(A, a), at = transform(B, [0, 0, 0]);
+      return [dot(n, subtract(at, transform(A, [0, 0, 0]))), n, cross(at, n)];
     },
     distance: ({length}, A, B) => {
-      const at = placed(B, [0, 0, 0]), d = less(at, placed(A, [0, 0, 0])), size = Math.hypot(...d), n = d.map(x => x / size);
+      const at = transform(B, [0, 0, 0]), d = subtract(at, transform(A, [0, 0, 0])), size = Math.hypot(...d), n = d.map(x => x / size);
       return [size - length, n, cross(at, n)];
     },
   };
@@ -93,7 +93,7 @@ function linkage({joints, values, pairs, rows, held}) {
   };
 
   // The minimum-norm x with G x = -g in the free coordinates; rows may be redundant.
-  const solved = (G, g) => {
+  const minimumNormStep = (G, g) => {
     const m = g.length, H = G.map(a => G.map(b => a.reduce((sum, x, i) => sum + (pivots.has(i) ? 0 : x * b[i]), 0)));
     const slack = 1e-12 * Math.max(...H.map((row, i) => row[i]), 1e-300), L = H.map(() => new Float64Array(m)), y = g.map(x => -x);
     for (let i = 0; i < m; i++) {
@@ -115,39 +115,39 @@ function linkage({joints, values, pairs, rows, held}) {
   };
 
   // A closed state close to another one, with prescribed coordinates; null if none is found.
-  const close = (state, wanted) => {
-    for (let k = 0; k < STEPS; k++) {
+  const close = (state, targets) => {
+    for (let k = 0; k < ITERATIONS; k++) {
       const {g, G} = residual(state), x = new Float64Array(n);
-      held.forEach((c, i) => { x[c] = wanted[i] - state.u[c]; });
-      const left = g.map((value, r) => held.reduce((sum, c) => sum + G[r][c] * x[c], value));
-      if (Math.max(0, ...g.map(Math.abs), ...held.map(c => Math.abs(x[c]))) < CLOSED) return state;
-      if (rows.length) solved(G, left).forEach((step, i) => { x[i] += step; });
-      if (!(Math.max(...x.map(Math.abs)) < WIDEST)) return null;
-      state = stepped(state, x);
+      prescribed.forEach((c, i) => { x[c] = targets[i] - state.u[c]; });
+      const left = g.map((value, r) => prescribed.reduce((sum, c) => sum + G[r][c] * x[c], value));
+      if (Math.max(0, ...g.map(Math.abs), ...prescribed.map(c => Math.abs(x[c]))) < CLOSED) return state;
+      if (rows.length) minimumNormStep(G, left).forEach((step, i) => { x[i] += step; });
+      if (!(Math.max(...x.map(Math.abs)) < LARGEST_STEP)) return null;
+      state = integrate(state, x);
     }
     return null;
   };
   const start = {own: joints.map(({pose}) => new Matrix4().fromArray(pose)), u: Float64Array.from(values)};
-  return {start, close, stepped, world, open: state => Math.max(0, ...residual(state).g.map(Math.abs))};
+  return {start, close, integrate, world, open: state => Math.max(0, ...residual(state).g.map(Math.abs))};
 }
 
-// Moves parts with the joints that carry them.
-function hang(viewer, {parts}, poses) {
+// Place the parts of the scene on their joints.
+function placeParts(viewer, {parts}, poses) {
   const {Matrix4, Vector3} = MeshCat.THREE, size = new Vector3(), z = new Vector3(0, 0, 1);
   for (const {path, on, kind, length} of parts) {
     const object = nodeOf(viewer, path);
     const [first, second] = on.map(({joint, place}) => poses[joint].clone().multiply(new Matrix4().fromArray(place)));
     first.decompose(object.position, object.quaternion, size);
     if (!second) continue;
-    const way = new Vector3().setFromMatrixPosition(second).sub(object.position), to = way.length();
-    object.quaternion.setFromUnitVectors(z, way.normalize());
+    const direction = new Vector3().setFromMatrixPosition(second).sub(object.position), to = direction.length();
+    object.quaternion.setFromUnitVectors(z, direction.normalize());
     if (kind === "coil") {
       nodeOf(viewer, `${path}/<object>`).morphTargetInfluences[0] = to / length - 1;
       continue;
     }
     const body = Math.min(0.5 * length, 0.8 * to);
     const [low, high] = {rod: [0.9 * body, to], tube: [0, body], link: [0, length]}[kind];
-    object.position.addScaledVector(way, (low + high) / 2);
+    object.position.addScaledVector(direction, (low + high) / 2);
     if (kind !== "link") object.scale.z = high - low;
   }
   viewer.set_dirty();

@@ -72,7 +72,7 @@ class Pane {
       hooks: {
         setScale: [(u, key) => { if (key === "x") zoom(panes, u); }],
       },
-    }, uPlot.join(joined(tables, this.span)), box);
+    }, uPlot.join(withTimeSpan(tables, this.span)), box);
     const {over, ctx: {canvas}} = this.plot;
     this.line = over.appendChild(document.createElement("div"));
     this.line.className = "now";
@@ -101,12 +101,12 @@ class Pane {
 }
 
 // The whole time span, also for curves that end earlier.
-const joined = (tables, [low, high]) => [...tables, [[low, high], [null, null]]];
+const withTimeSpan = (tables, [low, high]) => [...tables, [[low, high], [null, null]]];
 
 // All panes have the same range.
-function zoom(panes, of) {
-  const {min, max} = of.scales.x;
-  for (const {plot} of panes) if (plot && plot !== of && (plot.scales.x.min !== min || plot.scales.x.max !== max)) plot.setScale("x", {min, max});
+function zoom(panes, source) {
+  const {min, max} = source.scales.x;
+  for (const {plot} of panes) if (plot && plot !== source && (plot.scales.x.min !== min || plot.scales.x.max !== max)) plot.setScale("x", {min, max});
   panes.stale = true;
 }
 

@@ -3,7 +3,7 @@
 // the page with the picture; more of them continue on further pages, each plot whole.
 
 const SHARP = 2;  // picture pixels per page pixel
-const PLOT = 190, PLOTS = 580, MOST = 4;  // heights: of a plot, of all plots of a page with the picture; their largest number
+const PLOT = 190, PLOTS = 580, MAX_PLOTS = 4;  // heights: of a plot, of all plots of a page with the picture; their largest number
 
 function printed({viewer, plots}, arrange) {
   const picture = document.createElement("canvas");
@@ -13,7 +13,7 @@ function printed({viewer, plots}, arrange) {
     document.body.classList.add("paper");
     arrange();
     const n = plots.panes.length;
-    plots.resize(n > MOST ? PLOT : Math.min(PLOT, PLOTS / n));
+    plots.resize(n > MAX_PLOTS ? PLOT : Math.min(PLOT, PLOTS / n));
     const {renderer} = viewer, ratio = renderer.getPixelRatio();
     renderer.setPixelRatio(SHARP);
     viewer.render();

@@ -32,12 +32,12 @@ function build(viewer, {geometries, commands}) {
 
 // Without WebGL the viewer has a context without effect.
 function withoutDrawing() {
-  const canvas = HTMLCanvasElement.prototype, made = canvas.getContext, box = [0, 0, 1, 1];
-  if (["webgl2", "webgl"].some(kind => made.call(document.createElement("canvas"), kind))) return () => {};
+  const canvas = HTMLCanvasElement.prototype, getContext = canvas.getContext, box = [0, 0, 1, 1];
+  if (["webgl2", "webgl"].some(kind => getContext.call(document.createElement("canvas"), kind))) return () => {};
   const values = {7938: "WebGL 2.0", 35724: "WebGL GLSL ES 3.00", 2978: box, 3088: box};
   canvas.getContext = () => new Proxy({}, {get: (_, name) => name === "getParameter" ? at => values[at] ?? 16 : () => ({})});
   return viewer => {
-    canvas.getContext = made;
+    canvas.getContext = getContext;
     viewer.renderer.render = () => {};
     byId("caption").append("This browser has no WebGL: the scene is not drawn.");
   };

@@ -1,6 +1,6 @@
 
-// Poses instead of a motion: a slider for each free coordinate over all closed poses with the others at their start;
-// if several are moved together, the page closes the loops.
+// Poses instead of a motion: each free coordinate has a slider over all closed poses with the remaining ones at their
+// start; if several differ from their start, the page closes the loops.
 
 function sliders(page, scene) {
   const box = byId("plots"), main = document.querySelector("main"), wraps = [], linked = scene.linkage && linkage(scene.linkage);
@@ -8,8 +8,8 @@ function sliders(page, scene) {
   main.classList.toggle("bare", scene.sliders.length === 0);
   const make = (tag, className, text = "") => Object.assign(document.createElement(tag), {className, textContent: text});
   scene.sliders.forEach((slider, k) => {
-    const {joint, share, dead, says} = slider, wrap = make("div", "slider"), input = make("input", "");
-    const head = make("div", "head"), value = make("output", ""), track = make("div", "track"), note = make("div", "note", says);
+    const {joint, share, dead, description} = slider, wrap = make("div", "slider"), input = make("input", "");
+    const head = make("div", "head"), value = make("output", ""), track = make("div", "track"), note = make("div", "note", description);
     Object.assign(input, {type: "range", min: 0, max: 1, step: "any", value: share, ariaLabel: joint});
     head.append(make("b", "", joint), value);
     track.append(input);
@@ -36,22 +36,22 @@ function sliders(page, scene) {
     return u[i] + part * (u[i + 1] - u[i]);
   };
   const show = (k, over) => {
-    wraps.forEach(({input, at, value, unit, scale, wrap, note, says, ...slider}, j) => {
+    wraps.forEach(({input, at, value, unit, scale, wrap, note, description, ...slider}, j) => {
       if (Number(input.value) !== at) input.value = at;
       value.textContent = `${number(scale * valueOf({at, ...slider}))} ${unit}`;
-      note.textContent = j === k && over || says;
+      note.textContent = j === k && over || description;
       wrap.classList.toggle("over", j === k && Boolean(over));
     });
     page.said = `${wraps[k].joint} = ${wraps[k].value.textContent}${over ? `, ${over}` : ""}`;
   };
 
-  // One coordinate away from its start: its stored pose. Several: from the current pose, in small steps of one.
+  // If one coordinate differs from its start, its pose is stored; if several do, the current pose is continued in small steps.
   let state = null, alone = 0;
   const along = (k, to) => {
     const {curves, values} = scene.linkage, n = values.length, one = wraps[alone], all = () => wraps.map(valueOf);
     if (!state) {
       const nearest = Math.round(one.at * (one.u.length - 1));
-      state = linked.close(linked.stepped(linked.start, curves[alone].slice(n * nearest, n * (nearest + 1))), all());
+      state = linked.close(linked.integrate(linked.start, curves[alone].slice(n * nearest, n * (nearest + 1))), all());
     }
     const moved = wraps[k], from = moved.at;
     let done = 0, part = Math.min(1, 0.5 / (moved.u.length - 1) / Math.max(1e-12, Math.abs(to - from)));
@@ -71,7 +71,7 @@ function sliders(page, scene) {
     if (back) for (const wrap of wraps) wrap.at = wrap.share;
     if (linked && !back && wraps.some(({at, share}, j) => j !== k && at !== share)) {
       show(k, along(k, to));
-      if (state) hang(page.viewer, scene.linkage, linked.world(state));
+      if (state) placeParts(page.viewer, scene.linkage, linked.world(state));
       page.open = state ? linked.open(state) : NaN;
       page.show();
       return;

@@ -14,10 +14,10 @@ REMOVED = (  # elements of the viewer's defaults
 )  # fmt: skip
 SUN, SKY = "/Lights/Sun", "/Lights/Sky"
 GROUND = "/ground"
-GROUND_RADIUS = 5.0  # in extents of the mechanism
-SHADOW_BIAS = -1 / 2500  # fraction of the depth of the light: no shadows of a surface on itself
-GAP = 0.004  # between the lowest point and the ground, in extents
-DENSE_GRID = 30  # cells on one side: beyond, every second line is drawn
+GROUND_RADIUS = 5.0  # radius in extents of the mechanism
+SHADOW_BIAS = -1 / 2500  # fraction of the depth of the light, which prevents shadows of a surface on itself
+GAP = 0.004  # distance between the lowest point and the ground, in extents
+DENSE_GRID = 30  # number of cells on one side above which every second line is drawn
 LINE_COLOUR = (0.663, 0.702, 0.741)
 
 
@@ -77,11 +77,11 @@ def _object(kind: str, material: str, **more: Any) -> dict[str, Any]:
 
 
 def _grid(radius: float, spacing: float) -> tuple[Array, Array]:
-    """Return the ends (2 n, 3) of line pieces between the nodes of a grid, and their opacities (2 n,)."""
+    """Return the ends (2 n, 3) of line segments between the nodes of a grid, and their opacities (2 n,)."""
     cells = int(radius // spacing)
     i, j = np.meshgrid(np.arange(-cells, cells + 1), np.arange(-cells, cells), indexing="ij")
-    kept = (np.hypot(i, j) <= cells) & ((i % 2 == 0) | (cells <= DENSE_GRID))
-    i, j = i[kept], j[kept]
+    drawn = (np.hypot(i, j) <= cells) & ((i % 2 == 0) | (cells <= DENSE_GRID))
+    i, j = i[drawn], j[drawn]
     up = np.stack([np.column_stack([i, j]), np.column_stack([i, j + 1])], axis=1)
     ends = spacing * np.concatenate([up, up[:, :, ::-1]]).reshape(-1, 2)
     fade = 0.75 * np.maximum(0, 1 - np.linalg.norm(ends, axis=1) / radius) ** 1.5

@@ -23,8 +23,8 @@ TRACKS = {  # tracks of a motion: object below the path, property, type
     "stretch": ("/<object>", ".morphTargetInfluences[0]", "number"),
 }
 DISCRETE = 2300  # three.js' InterpolateDiscrete
-MARK_LAYER = 10**6  # over all closures
-MIME = {b"\xff\xd8\xff": "image/jpeg", b"GIF8": "image/gif"}  # by the first bytes; all others: png
+MARK_LAYER = 10**6  # render order above that of all closures
+MIME = {b"\xff\xd8\xff": "image/jpeg", b"GIF8": "image/gif"}  # by the first bytes; otherwise png
 
 
 def typed_array(values: object, dtype: str) -> umsgpack.Ext:
@@ -55,8 +55,8 @@ def draw_commands(
 
     Args:
         parts: the parts.
-        solids: filled with the solids of the parts, which a page stores once; a geometry is an index of them. Without
-            a list each object contains its geometry.
+        solids: list to which the solids of the parts are added, so that a page stores each once; a geometry is then an
+            index. Without a list each object contains its geometry.
         root: path above the names of the parts.
     """
     for k, part in enumerate(parts):
@@ -70,7 +70,7 @@ def draw_commands(
 
 
 def _object(part: Drawable, k: int, layer: int, solids: list[Solid] | None) -> dict[str, Any]:
-    """Return an object; closures are over everything else, those of higher layers over the others."""
+    """Return an object; closures are drawn above everything else, higher layers above lower ones."""
     colours = [part.rgba] if part.rgba else [surface.rgba or GREY for surface in part.solid.surfaces]
     colours *= len(part.solid.surfaces) // len(colours)
     images = [b"" if part.rgba else surface.image for surface in part.solid.surfaces]
@@ -103,7 +103,7 @@ def _object(part: Drawable, k: int, layer: int, solids: list[Solid] | None) -> d
 
 
 def material(rgba: Sequence[float], style: str, k: int = 0) -> dict[str, Any]:
-    """Return a material; of coplanar faces that of the part with the larger number is visible."""
+    """Return a material; of coplanar faces, that of the part with the larger k is visible."""
     colour = int.from_bytes(bytes(round(255 * c) for c in rgba[:3]), "big")
     out = {"color": colour, "opacity": float(rgba[3]), "transparent": rgba[3] < 1, "side": 2}
     phong = {"type": "MeshPhongMaterial", "shininess": 40, "specular": 0x1C1C1C}
@@ -111,8 +111,8 @@ def material(rgba: Sequence[float], style: str, k: int = 0) -> dict[str, Any]:
         return {**out, **phong, **_polygon_offset(0, -4 * (k % 12))}
     if style == "ghost":  # where both coincide, the body is visible
         return {**out, **phong, **_polygon_offset(2, 8), "depthWrite": False}
-    over = {"depthTest": False, "transparent": True, "side": 0}
-    return {**out, **(phong if style == "closure" else {"type": "MeshBasicMaterial"}), **over}
+    overlay = {"depthTest": False, "transparent": True, "side": 0}
+    return {**out, **(phong if style == "closure" else {"type": "MeshBasicMaterial"}), **overlay}
 
 
 def _polygon_offset(factor: float, units: float) -> dict[str, Any]:
@@ -161,8 +161,8 @@ def _index(found: Sequence[Vertices]) -> Array:
 def quantized_geometry(solid: Solid) -> dict[str, Any]:
     """Return the data of a geometry for a page, a third of the size.
 
-    Points are 16 bits for each axis, in fractions of their bounding box: 1e-5 of its edges. The index of a corner is
-    the difference to the one before.
+    Points have 16 bits per axis, as fractions of the bounding box: 1e-5 of its edges. Indices of corners are stored as
+    differences.
     """
     points = np.concatenate([v.points for v in solid.vertices])
     low, high = points.min(axis=0).astype(float), points.max(axis=0).astype(float)
@@ -180,9 +180,9 @@ def animation_clips(
 
     Args:
         parts: the parts.
-        motions: of the parts.
-        root: path above their names.
-        moving: which of them to animate; those that move if omitted.
+        motions: motions of the parts.
+        root: path above the names of the parts.
+        moving: mask of the parts to animate; those that move if omitted.
     """
     out = []
     for k, (part, motion) in enumerate(zip(parts, motions, strict=True)):
@@ -197,21 +197,21 @@ def animation_clips(
 def selectable_clips(
     parts: Sequence[Drawable],
     shown: Sequence[Motion],
-    others: Mapping[str, Sequence[Motion]],
+    choices: Mapping[str, Sequence[Motion]],
     times: Array | None = None,
 ) -> list[dict[str, Any]]:
-    """Return animations of which one is chosen at a time, each with all parts that move in one of them.
+    """Return selectable animations, each with all parts that move in at least one of them.
 
     Args:
         parts: the parts.
-        shown: their motions outside of the choice.
-        others: their motions by name of the choice.
-        times: of the frames in s, (m,); uniform from 0 to 1 if omitted.
+        shown: motions that are shown when none of the animations is selected.
+        choices: motions of each animation, by its name.
+        times: times of the frames in s, (m,); uniform from 0 to 1 if omitted.
     """
-    every = [shown, *others.values()]
+    every = [shown, *choices.values()]
     moving = [_differ(found) for found in zip(*every, strict=True)]
     out = []
-    for name, found in others.items():
+    for name, found in choices.items():
         count = len(next(iter(found[0].values())).values) if found else 1
         at = np.linspace(0, 1, count) if times is None else times
         clips = animation_clips(parts, found, moving=moving)
@@ -220,7 +220,7 @@ def selectable_clips(
 
 
 def _differ(found: Sequence[Motion]) -> bool:
-    """Return whether a part moves in one of its motions, or rests at different places."""
+    """Return whether a part moves in one of its motions, or its constant poses differ."""
     tracks = [(key, track) for motion in found for key, track in motion.items()]
     return any(t.moves or not np.array_equal(t.values[0], found[0][key].values[0]) for key, t in tracks)
 

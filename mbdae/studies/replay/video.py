@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
 FLAGS = "--headless --use-gl=swiftshader --enable-unsafe-swiftshader --disable-background-networking --dump-dom"
-BATCH = 40  # frames per start of the browser, limited by its memory
-TIMEOUT = 300.0  # s for a batch
+BATCH = 40  # number of frames per start of the browser, limited by its memory
+TIMEOUT = 300.0  # s, for a batch
 
 
 def film(page: str, path: Path, fps: float, seconds: float, progress: Callable[[float], None] | None = None) -> None:
@@ -41,7 +41,7 @@ def film(page: str, path: Path, fps: float, seconds: float, progress: Callable[[
     video = VIDEO[path.suffix]
     count = round(seconds * fps) + 1
 
-    def drawn() -> Iterator["Image"]:
+    def frames() -> Iterator["Image"]:
         for first in range(0, count, BATCH):
             last = min(count, first + BATCH)
             for k, frame in enumerate(_frames(browser, page, first, last, count, video.size), first + 1):
@@ -50,7 +50,7 @@ def film(page: str, path: Path, fps: float, seconds: float, progress: Callable[[
                     progress(k / count)
 
     with atomic_write(path) as draft:
-        video.pack(draft, drawn(), fps)
+        video.pack(draft, frames(), fps)
 
 
 def still(page: str, fraction: float, size: tuple[int, int]) -> "Image":
@@ -72,7 +72,7 @@ def _browser() -> str:
 
 
 def _frames(browser: str, page: str, first: int, last: int, count: int, size: tuple[int, int]) -> list["Image"]:
-    """Return frames first to last - 1 of count, which the browser writes into the text of the page."""
+    """Return frames first to last - 1 of count, from the text of the page to which the browser writes them."""
     from PIL import Image
 
     with tempfile.TemporaryDirectory() as folder:
@@ -81,7 +81,7 @@ def _frames(browser: str, page: str, first: int, last: int, count: int, size: tu
         address = f"{file.as_uri()}#film={first},{last},{count},{size[0]}x{size[1]}"
         command = [browser, *FLAGS.split(), f"--user-data-dir={folder}/profile"]
         if hasattr(os, "geteuid") and os.geteuid() == 0:
-            command.append("--no-sandbox")  # not available for root
+            command.append("--no-sandbox")  # the sandbox is not available to root
         try:
             done = subprocess.run([*command, address], capture_output=True, timeout=TIMEOUT, check=False)
         except subprocess.TimeoutExpired:
@@ -107,7 +107,7 @@ def _mp4(path: Path, frames: Iterator["Image"], fps: float) -> None:
 
 
 def _gif(path: Path, frames: Iterator["Image"], fps: float) -> None:
-    """Write a .gif with the palette of the first frame for all, without flicker."""
+    """Write a .gif with the palette of the first frame in all frames, which prevents flicker."""
     first = next(frames).quantize(255, kmeans=2)
     rest = [frame.quantize(palette=first) for frame in frames]
     first.save(path, save_all=True, append_images=rest, duration=round(1000 / fps), loop=0, optimize=True)

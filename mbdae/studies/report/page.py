@@ -117,6 +117,6 @@ def _repeat(report: "Report") -> str:
     return elements().facts(known) + elements().details("The mechanism as it was read", description)
 
 
-def image(figure: "Figure", words: str, *, small: bool = False) -> str:
-    """Return a figure as HTML with its caption; a small one fits on a phone."""
-    return elements().image(base64.b64encode(figures.svg(figure)).decode(), words, small)
+def image(figure: "Figure", caption: str, *, small: bool = False) -> str:
+    """Return a figure as HTML with its caption; ``small`` for a width that fits a phone."""
+    return elements().image(base64.b64encode(figures.svg(figure)).decode(), caption, small)

@@ -1,4 +1,4 @@
-"""Parameters of forces as text, in the units in which results are shown."""
+"""Parameters of forces as text, in display units."""
 
 from typing import Any
 

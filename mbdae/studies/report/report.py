@@ -22,7 +22,7 @@ from ...solution.provenance import command_line, versions
 from ...solution.solution import Solution, uninterrupted
 from ..comparison.compare import compare
 from ..comparison.comparison import Comparison
-from ..comparison.reference_motion import has_valid_numbers
+from ..comparison.reference_motion import is_valid_reference
 from ..drift.drift import Drift, drift
 from ..info.card import Card, card
 from ..method_variant import Variant, default_variant, default_variants, variants
@@ -33,7 +33,7 @@ __all__ = ["report"]
 
 METHODS = ("pherk6", "pherk5", "herk5", "radau9", "ggl:pherk5", "index1:dop853")  # after the default
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
-PROGRESS = {"runs": 0.1, "orders": 0.35, "comparison": 1.0}  # at the end of each part
+PROGRESS = {"runs": 0.1, "orders": 0.35, "comparison": 1.0}  # completed fraction at the end of each task
 Progress = Callable[[float, str], None]
 
 
@@ -49,7 +49,7 @@ class Report:
         comparison: methods against a reference; None if the user stopped it before the reference was computed.
         mechanism: description from which the mechanism can be recreated.
         meta: command, parameters, versions, machine and date.
-        missing: parts that are missing because the user stopped the study, in words.
+        missing: results that are missing because the user stopped the study, in words.
     """
 
     card: Card
@@ -69,7 +69,7 @@ class Report:
 
     @property
     def without(self) -> str:
-        """Description of the missing parts."""
+        """Description of the missing results."""
         return f"without {'; '.join(self.missing)}" if self.missing else ""
 
     def __str__(self) -> str:
@@ -111,7 +111,7 @@ def report(
     workers: int = 1,
     progress: Progress | None = None,
 ) -> Report:
-    """Study a mechanism from its start state. After Ctrl-C it returns the finished parts.
+    """Study a mechanism from its start state. After Ctrl-C it returns the finished results.
 
     Args:
         mech: the mechanism, or an argument of `mbdae.load`.
@@ -121,9 +121,9 @@ def report(
             a formulation, except solvers of libraries, which take no fixed steps.
         rtol: relative tolerance of the run and of the drift table; that of `mbdae.solve` when left out.
         tolerances: relative tolerances of the comparison.
-        repeats: runs for the median of the wall time.
+        repeats: number of runs for the median wall time.
         workers: processes of the comparison.
-        progress: called with the fraction done and the next task.
+        progress: called with the completed fraction and the next task.
 
     Raises:
         InputError: for wrong arguments, or if the first run fails.
@@ -153,7 +153,7 @@ def report(
     return Report(
         card=card(mech),
         sol=study.sols[0],
-        drifts=tuple(drift(sol) for sol in study.sols if has_valid_numbers(sol)),
+        drifts=tuple(drift(sol) for sol in study.sols if is_valid_reference(sol)),
         orders=study.orders,
         comparison=study.comparison,
         mechanism=describe(mech),
@@ -183,7 +183,7 @@ class _Study:
         """Run every method once."""
         for i, v in enumerate(self.run_variants):
             self.report_progress(PROGRESS["runs"] * i / len(self.run_variants), f"run, {v}")
-            self.sols.append(_finished(uninterrupted(solve(self.mech, self.span, rtol=rtol, **v.arguments()))))
+            self.sols.append(_require_finite(uninterrupted(solve(self.mech, self.span, rtol=rtol, **v.arguments()))))
 
     @property
     def order_methods(self) -> list[Any]:
@@ -225,11 +225,11 @@ class _Study:
             yield "the comparison"
         elif not self.comparison.complete:
             remaining = self.comparison.requested - len(self.comparison.points)
-            what = f"{remaining} of {self.comparison.requested} runs" if remaining else "times"
-            yield f"{what} of the comparison"
+            absent = f"{remaining} of {self.comparison.requested} runs" if remaining else "times"
+            yield f"{absent} of the comparison"
 
 
-def _finished(sol: Solution) -> Solution:
+def _require_finite(sol: Solution) -> Solution:
     if not len(sol.t) or not np.isfinite(sol.y).all():
         raise InputError(f"{sol.mechanism.title!r} cannot be run: {sol.status}, {sol.message}")
     return sol

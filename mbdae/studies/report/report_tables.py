@@ -38,21 +38,21 @@ def component_tables(mech: Mechanism) -> str:
 
 
 def ranking(result: "Comparison") -> str:
-    """Return methods over accuracies: the work of each for an error in q, the best of a column in bold."""
-    goals, out = result.targets(), []
+    """Return a table of the work of each method for an error in q, with the best of each column in bold."""
+    errors, out = result.targets(), []
     for work in SHOWN:
-        rankings = [{p.method: p for p in result.ranking(goal, work=work)} for goal in goals]
+        rankings = [{p.method: p for p in result.ranking(error, work=work)} for error in errors]
         best_work = [min((p.work for p in found.values() if p.work is not None), default=0.0) for found in rankings]
         rows = [
             [name, *(_cell(found[name], best) for found, best in zip(rankings, best_work, strict=True))]
             for name in result.methods
         ]
         if any(best_work):
-            words = "seconds" if work == "seconds" else "linear solves"
+            unit_of_work = "seconds" if work == "seconds" else "linear solves"
             unit = " or ".join(unit_name(result.unit("q")).split(", "))
-            caption = f"Ranking: {words} for an error in q below the column heading ({unit}); -: not reached"
-            shown = (displayed(goal, result.unit("q"))[0] for goal in goals)
-            out.append(elements().captioned(caption, [["method", *(f"{goal:.0e}" for goal in shown)], *rows]))
+            caption = f"Ranking: {unit_of_work} for an error in q below the column heading ({unit}); -: not reached"
+            shown = (displayed(error, result.unit("q"))[0] for error in errors)
+            out.append(elements().captioned(caption, [["method", *(f"{error:.0e}" for error in shown)], *rows]))
     return "".join(out)
 
 
@@ -77,7 +77,7 @@ def downloads(report: "Report") -> str:
 
 
 def actuator_table(sol: Solution) -> str:
-    """Return a table of power and work of forces and drivers over a run; empty without."""
+    """Return a table of power and work of forces and drivers over a run; "" if there are none."""
     names = actuators(sol.mechanism)
     if not names:
         return ""

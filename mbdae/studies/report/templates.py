@@ -29,7 +29,7 @@ def document(title: str, summary: str, version: str, sections: dict[str, str]) -
 
 
 def rendered(package: str, name: str, **values: Any) -> str:
-    """Return a template in the folder of a package with values."""
+    """Render a template in the folder of a package."""
     return _environment(package).get_template(name).render(**values)
 
 

@@ -24,7 +24,7 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 class FileSchema(GenerateJsonSchema):
-    """Schema of a file: without Python functions; numbers and inputs are functions of time, one source is a list."""
+    """JSON Schema of a file, with the short forms that validators convert, and without Python functions."""
 
     def callable_schema(self, schema: core_schema.CallableSchema) -> JsonSchemaValue:
         """Omit Python functions."""
@@ -33,9 +33,9 @@ class FileSchema(GenerateJsonSchema):
     def function_before_schema(self, schema: core_schema.BeforeValidatorFunctionSchema) -> JsonSchemaValue:
         """Add the types that a validator accepts and converts."""
         inner, name = super().function_before_schema(schema), getattr(schema["function"]["function"], "__name__", "")
-        if name == "_coerce":  # of signals
+        if name == "_coerce":  # validator of functions of time
             return {"anyOf": [{"type": "number"}, INPUT, inner]}
-        if name == "_as_sources":  # of sources
+        if name == "_as_sources":  # validator of lists of sources
             return {"anyOf": [{"type": "string"}, inner["items"], inner]}
         return inner
 

@@ -1,1 +1,1 @@
-"""Derivatives of runs: tangents, gradients and what they are made of."""
+"""Derivatives of runs: discrete tangents and adjoint gradients."""

@@ -10,7 +10,7 @@ from ...integrate.trajectory.trajectory import Trajectory, TrajectoryPart
 from ...system import Array
 from .terminal_event import EventTimeDerivative
 
-Cotangents = tuple[Array, Array, Array]  # (costs, ny + nc) by (y, carry), (costs, k) by parameters, (costs,) by time
+Cotangents = tuple[Array, Array, Array]  # of (y, carry) (costs, ny + nc), of parameters (costs, k), of time (costs,)
 
 
 class NodeCotangents:
@@ -18,17 +18,17 @@ class NodeCotangents:
 
     Args:
         trajectory: the run.
-        t: its times, (n,).
+        t: times, (n,).
         points: the points at these times, (n, ...).
-        weights: for each cost its derivatives with respect to signals by name, (n,) each.
+        weights: for each cost the derivatives with respect to signals by name, (n,) each.
     """
 
     def __init__(self, trajectory: Trajectory, t: Array, points: Array, weights: Sequence[Mapping[str, Array]]) -> None:
         self.trajectory, self.t, self.points = trajectory, t, points
         names = list(dict.fromkeys(name for cost in weights for name in cost))
         self.signals, zero = SignalJacobian(trajectory, names), np.zeros(len(t))
-        given = [[cost.get(name, zero) for name in names] for cost in weights]
-        self.weights = np.array(given).reshape(len(weights), len(names), len(t))
+        rows = [[cost.get(name, zero) for name in names] for cost in weights]
+        self.weights = np.array(rows).reshape(len(weights), len(names), len(t))
         self.nodes = trajectory.sol.before(t) if trajectory.sol.steps else np.arange(len(t))
         self.bounds = np.searchsorted(self.nodes, np.arange(len(trajectory.ts) + 1))
         self.at_nodes = trajectory.ts[self.nodes] == t
@@ -48,11 +48,11 @@ class NodeCotangents:
         """Return the cotangents of nodes i, ..., j - 1, (j - i, costs, ny + nc), and of the parameters, (costs, k)."""
         sensitivity, costs, times = self.trajectory.sensitivity, len(self.weights), self._times(i, j)
         out, p = np.zeros((j - i, costs, sensitivity.ny + self.trajectory.n_carry)), np.zeros((costs, sensitivity.k))
-        if self.signals.fixed and len(times):  # one matrix at all nodes, of signals that depend on y and t alone
+        if self.signals.fixed and len(times):  # the same matrix at all nodes
             by_y = self.signals.rows(i, float(self.t[times[0]]), self.points[times[0]])[:, : sensitivity.ny]
-            alike, times = times[self.at_nodes[times]], times[~self.at_nodes[times]]
-            found = np.einsum("cnm,nd->mcd", self.weights[..., alike], by_y)
-            np.add.at(out[..., : sensitivity.ny], self.nodes[alike] - i, found)
+            common, times = times[self.at_nodes[times]], times[~self.at_nodes[times]]
+            found = np.einsum("cnm,nd->mcd", self.weights[..., common], by_y)
+            np.add.at(out[..., : sensitivity.ny], self.nodes[common] - i, found)
         for m in times:
             at, by_p, _ = self._of_time(m)
             out[self.nodes[m] - i] += at
@@ -60,7 +60,7 @@ class NodeCotangents:
         return out, p
 
     def _times(self, i: int, j: int) -> Array:
-        """Return the indices of the times from node i to node j, without it, on which the costs depend."""
+        """Return the indices of the times from node i up to node j, excluding j, on which the costs depend."""
         return np.flatnonzero(self.used[self.bounds[i] : self.bounds[j]]) + self.bounds[i]
 
     def _of_time(self, m: int) -> Cotangents:
@@ -82,7 +82,7 @@ def adjoint_sweep(
 
     Args:
         trajectory: a run.
-        node_cotangents: of its nodes from the costs.
+        node_cotangents: cotangents of the nodes from the costs.
         end: the last step, if the run ended in a terminal event.
     """
     ny, i = trajectory.sensitivity.ny, len(trajectory.ts) - 1
@@ -110,7 +110,7 @@ def adjoint_sweep(
 def _reverse_steps(
     trajectory: Trajectory, node_cotangents: NodeCotangents, nodes: NodeRange, bars: Array
 ) -> tuple[Array, Array]:
-    """Return the cotangents after a range of compiled steps."""
+    """Return the cotangents at the start of a range of compiled steps, and of the parameters."""
     at, p = node_cotangents.between(nodes.steps.start, nodes.steps.stop)
     bars, by_p = trajectory.core.adjoint(nodes, np.concatenate([at, np.zeros_like(bars)[None]]), bars)
     return bars + at[0], p + by_p

@@ -41,10 +41,10 @@ class NamedCost:
     """A function of signals with a name for messages.
 
     Attributes:
-        what: its name, for instance ``"constraint 'reach'"``.
+        label: its name, for instance ``"constraint 'reach'"``.
     """
 
-    what: str
+    label: str
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Squares:
     """The cost 1/2 sum ((signal - data)/sigma)^2 over signals and times of a run.
 
     Attributes:
-        data: for each signal its values at the times of the run, (n,); nan for missing ones.
+        data: for each signal its values at the times of the run, (n,); nan for missing values.
         sigma: noise level of all signals, or of each by name, in their units.
     """
 
@@ -62,22 +62,22 @@ class Squares:
     def __post_init__(self) -> None:
         if not isinstance(self.data, Mapping) or not self.data:
             raise InputError(f"Squares takes data, {{signal: its values (n,)}}, got {self.data!r:.60}")
-        for name, known in self.data.items():
+        for name, data in self.data.items():
             level = self._sigma(name)
             if not (is_number(level) and level > 0):
                 raise InputError(f"the noise level of {name!r} must be a positive number, got {level!r:.60}")
-            if not np.isfinite(_numbers(name, known)).any():
+            if not np.isfinite(_numbers(name, data)).any():
                 raise InputError(f"data of {name!r} have no number")
 
     def __call__(self, signals: Mapping[str, Array]) -> tuple[float, dict[str, Array]]:
         """Return the cost and its derivatives with respect to the signals."""
         value, derivatives = 0.0, {}
-        for name, known in self.data.items():
+        for name, data in self.data.items():
             sigma = self._sigma(name)
-            known = _numbers(name, known)
-            if known.shape != signals[name].shape:
-                raise InputError(f"data of {name!r} have shape {known.shape}, the run has {signals[name].shape} times")
-            residual = np.where(np.isnan(known), 0.0, signals[name] - known) / sigma
+            data = _numbers(name, data)
+            if data.shape != signals[name].shape:
+                raise InputError(f"data of {name!r} have shape {data.shape}, the run has {signals[name].shape} times")
+            residual = np.where(np.isnan(data), 0.0, signals[name] - data) / sigma
             value, derivatives[name] = value + 0.5 * float(residual @ residual), residual / sigma
         return value, derivatives
 
@@ -89,11 +89,11 @@ class Squares:
         return self.sigma[name]
 
 
-def _numbers(name: str, known: object) -> Array:
+def _numbers(name: str, data: object) -> Array:
     try:
-        return real(known)
+        return real(data)
     except (TypeError, ValueError):
-        raise InputError(f"data of {name!r} are numbers, got {known!r:.60}") from None
+        raise InputError(f"data of {name!r} are numbers, got {data!r:.60}") from None
 
 
 def real(x: object) -> Array:
@@ -110,7 +110,7 @@ def real(x: object) -> Array:
 
 def cost_name(cost: object) -> str:
     """Return the name of a cost in messages."""
-    return cost.what if isinstance(cost, NamedCost) else f"cost {function_name(cost)!r}"
+    return cost.label if isinstance(cost, NamedCost) else f"cost {function_name(cost)!r}"
 
 
 def evaluated(cost: Cost, signals: Mapping[str, Array], n: int) -> tuple[float, dict[str, Array]]:
@@ -121,18 +121,18 @@ def evaluated(cost: Cost, signals: Mapping[str, Array], n: int) -> tuple[float, 
     """
     if not callable(cost):
         raise InputError(f"a cost is a function of signals that returns (value, derivatives), got {cost!r:.60}")
-    found = call_and_report(what := cost_name(cost), lambda: cost(signals))
+    found = call_and_report(label := cost_name(cost), lambda: cost(signals))
     try:
-        given, table = found
-        value, derivatives = float(real(given)), {key: real(x) for key, x in table.items()}
-        if given is None or isinstance(given, str | bool | np.bool_):
+        cost_value, table = found
+        value, derivatives = float(real(cost_value)), {key: real(x) for key, x in table.items()}
+        if cost_value is None or isinstance(cost_value, str | bool | np.bool_):
             raise TypeError
     except (TypeError, ValueError, AttributeError):
-        expected = f"{what} returns (value, {{signal: its derivative (n,)}})"
+        expected = f"{label} returns (value, {{signal: its derivative (n,)}})"
         raise InputError(f"{expected}, got {found!r:.60}") from None
     if not np.isfinite(value):
-        raise InputError(f"{what} is {value}")
+        raise InputError(f"{label} is {value}")
     for key, x in derivatives.items():
         if x.shape != (n,) or not np.isfinite(x).all():
-            raise InputError(f"{what}: its derivative with respect to {key!r} must be {n} finite numbers")
+            raise InputError(f"{label}: its derivative with respect to {key!r} must be {n} finite numbers")
     return value, derivatives

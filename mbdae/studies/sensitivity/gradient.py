@@ -28,7 +28,7 @@ class Gradient(Tabular):
 
     Attributes:
         value: the cost.
-        gradient: its derivative with respect to each parameter, and to (q, v, s) of the start if requested.
+        gradient: derivatives with respect to each parameter, and to (q, v, s) of the start if requested.
     """
 
     value: float
@@ -71,7 +71,7 @@ def gradient(
             times of the run; or `mbdae.Squares`.
         parameters: names, or name = value.
         start: also differentiate with respect to the start.
-        model: factory of the mechanism with other parameters.
+        model: factory of the mechanism for values of the parameters.
         event: the terminal event in which the run ended, its function or its signal.
 
     Raises:
@@ -90,7 +90,7 @@ class RunCost(NamedTuple):
 
     Attributes:
         value: the cost.
-        weights: its derivatives with respect to signals by name, (n,) each.
+        weights: derivatives of the cost with respect to signals by name, (n,) each.
         points: the points at the times of the run, (n, ...).
     """
 

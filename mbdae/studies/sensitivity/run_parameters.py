@@ -1,4 +1,4 @@
-"""Parameters of a mechanism for derivatives of runs, by dotted names, and factories of mechanisms."""
+"""Parameters of a mechanism, by dotted names, with respect to which runs are differentiated."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
@@ -26,10 +26,10 @@ from ...tolerances import COINCIDENT
 from ..factories import FunctionFactory, MechanismFactory, factory_of
 
 _BOUND: WeakKeyDictionary[Mechanism, dict[Any, Parameters]] = WeakKeyDictionary()
-"""Cache of the last parameters of a mechanism; their workspaces belong to one thread."""
+"""Cache of the last parameters of each mechanism; their workspaces belong to one thread."""
 
-CHECKS = 9  # points of a run at which parameters are checked
-HALVINGS = 16  # halvings of a step whose ends differ by over 90 degrees: the interpolant has no more digits
+CHECKS = 9  # number of points of a run at which parameters are checked
+HALVINGS = 16  # largest number of halvings of a step over which a direction changes by more than 90 degrees
 
 Names = Sequence[str] | Mapping[str, float]
 Model = Any  # str | Path | MechanismFactory | Callable[..., Mechanism] | None
@@ -42,7 +42,7 @@ class VaryingParameters:
         make: factory of the mechanisms.
 
     Attributes:
-        bound: how often they were bound: again for each run whose values change their directions.
+        bound: number of times that parameters were bound: once more for each run whose values change directions.
     """
 
     def __init__(self, make: MechanismFactory) -> None:
@@ -97,9 +97,9 @@ def _gaps(pairs: Sequence[Pair], q: Array) -> Array:
 
 
 def _passes(sol: Solution, pair: Pair, x: Array) -> bool:
-    """Return whether the origins of two frames with vectors x at the nodes pass each other.
+    """Return whether the origins of two frames, with difference vectors x at the nodes, coincide during a run.
 
-    Steps skip a rotation of the line between them.
+    Then the direction of their line reverses abruptly, instead of by a rotation within some steps.
     """
 
     def skips(start: float, end: float, a: Array, b: Array, halvings: int) -> bool:
@@ -154,10 +154,10 @@ def named_values(make: MechanismFactory, names: Names) -> dict[str, float]:
     """
     if isinstance(names, str) or not isinstance(names, Collection):
         raise InputError(f"parameters are a list of names, or name = value, got {names!r:.60}")
-    for i, name in enumerate(listed := list(names)):
+    for i, name in enumerate(name_list := list(names)):
         if not isinstance(name, str):
             raise InputError(f"parameters have dotted names, as 'gravity.2' or 'joint.crank.mass', got {name!r:.60}")
-        if name in listed[:i]:
+        if name in name_list[:i]:
             raise InputError(f"parameter {name!r} is named twice")
     if isinstance(names, Mapping):
         if isinstance(make, FunctionFactory):
@@ -165,11 +165,11 @@ def named_values(make: MechanismFactory, names: Names) -> dict[str, float]:
         return {name: _value(name, value) for name, value in names.items()}
     if not isinstance(make, Template):
         raise InputError("the parameters of a function that makes a mechanism are given as name = value")
-    return {name: parameter_value(make, name) for name in listed}
+    return {name: parameter_value(make, name) for name in name_list}
 
 
 def scaled(given: Any, default: Mapping[str, float]) -> Array:
-    """Return the typical changes of parameters, (k,): the given ones, else the default ones.
+    """Return the typical changes of parameters, (k,), by default those of ``default``.
 
     Raises:
         UnknownNameError: for an unknown parameter.
@@ -185,7 +185,7 @@ def scaled(given: Any, default: Mapping[str, float]) -> Array:
 
 
 def progress_reporter(progress: object) -> Callable[[str], None]:
-    """Return a function that calls the user's progress function; without effect for None.
+    """Return a function that calls the user's progress function, or does nothing for None.
 
     Raises:
         InputError: for anything but a function, or if it fails.
@@ -216,10 +216,10 @@ def _value(name: str, value: object) -> float:
 
 
 def _require_same_structure(mech: Mechanism, other: Mechanism) -> None:
-    """Require that a mechanism made with the values has the structure of the one that ran.
+    """Require that a mechanism made with the values has the structure of the mechanism of the run.
 
     Raises:
-        InputError: if it has not.
+        InputError: if the structures differ.
     """
     same = [(m.nq, m.nv, m.ng, list(m.states), m.joint_names) for m in (mech, other)]
     if same[0] != same[1]:
@@ -227,7 +227,7 @@ def _require_same_structure(mech: Mechanism, other: Mechanism) -> None:
 
 
 def _require_same_motion(other: Mechanism, sol: Solution) -> None:
-    """Require that a mechanism has the accelerations of a run at its two ends, where they can be computed.
+    """Require that a mechanism has the accelerations of a run at start and end, if they can be computed.
 
     Raises:
         InputError: if they differ.

@@ -32,9 +32,9 @@ class Sensitivity(Tabular):
     Attributes:
         parameters: names and values.
         columns: names of the k columns.
-        t: times, (n,); jumps have two.
-        y: points, (n, ...): those of the run at its nodes, and of shortened steps of its method between them.
-        dy: their derivatives, (n, 2 nv + ns + 1, k), those of q in the tangent.
+        t: times, (n,); the time of a jump occurs twice.
+        y: points, (n, ...): those of the run at nodes, and those of shortened steps of the method between nodes.
+        dy: derivatives of the points, (n, 2 nv + ns + 1, k), those of q in the tangent.
         dt: derivatives of the times, (n, k): nonzero for the time of a terminal event.
     """
 
@@ -88,7 +88,7 @@ class Sensitivity(Tabular):
 
         Raises:
             UnknownNameError: for a signal that does not exist.
-            InputError: for one without a derivative.
+            InputError: for a signal without a derivative.
         """
         require(name, str, "a signal is given by its name")
         jacobian = SignalJacobian(self.trajectory, [name])
@@ -135,12 +135,12 @@ def sensitivity(
 
     Args:
         sol: the run. At times of ``t_eval`` between its nodes, derivatives are those of shortened steps of the method.
-        parameters: dotted names, as of sweeps (``force.spring.stiffness``, ``joint.crank.mass``, ``start.v.crank``), or
+        parameters: dotted names, as in sweeps (``force.spring.stiffness``, ``joint.crank.mass``, ``start.v.crank``), or
             name = value for models without known values. At the limit of a parameter's range (a damping of 0) the
             derivative is one-sided, with a warning.
         start: also differentiate with respect to (q, v, s) at the start, q in its tangent, without constraints.
-        model: factory of the mechanism with other parameters, see `mbdae.sweep`: a file or a function; the source of
-            the mechanism when left out.
+        model: factory of the mechanism for values of the parameters, see `mbdae.sweep`: a file or a function; by
+            default the source of the mechanism.
         event: the terminal event in which the run ended, its function or its signal, whose time is differentiated, too.
 
     Raises:
@@ -149,10 +149,10 @@ def sensitivity(
     """
     require(sol, Solution, "sensitivity takes a Solution (see mbdae.solve)")
     require(start, bool, "start is True or False")
-    numbers = bind_parameters(sol, parameters, model)
-    if not numbers.values and not start:
+    bound = bind_parameters(sol, parameters, model)
+    if not bound.values and not start:
         raise InputError("a sensitivity takes parameters, a list of dotted names, or start=True")
-    return trajectory_sensitivity(Trajectory(sol, numbers), start, event)
+    return trajectory_sensitivity(Trajectory(sol, bound), start, event)
 
 
 def trajectory_sensitivity(
@@ -177,8 +177,8 @@ def run_tangents(
     Args:
         trajectory: the run.
         columns: names of the m variations.
-        dy: of the start.
-        dp: of the parameters.
+        dy: variations of the start.
+        dp: variations of the parameters.
         event: the terminal event in which the run ended.
     """
     sol, values, end = trajectory.sol, trajectory.core.varied.values, terminal_event(trajectory, event)
@@ -206,7 +206,7 @@ def run_tangents(
 
 
 class _Tangents:
-    """Points y (n, ...), their derivatives dy (n, ny, k), and dt (n, k) of the times, filled in node by node."""
+    """Points y (n, ...), derivatives dy (n, ny, k) and dt (n, k) at the times of a run, filled in node by node."""
 
     def __init__(self, sol: Solution, trajectory: Trajectory, dp: Array) -> None:
         n, k = len(sol.t), dp.shape[1]
@@ -216,9 +216,9 @@ class _Tangents:
         self.y, self.dy, self.dt = sol.y.copy(), np.zeros((n, trajectory.sensitivity.ny, k)), np.zeros((n, k))
 
     def at_node(self, i: int, dy: Array, carry: Array) -> None:
-        """Fill in the times from node i up to the next one."""
+        """Fill in the times from node i up to the next node."""
         for k in range(self.bounds[i], self.bounds[i + 1]):
-            self.y[k], self.dy[k] = _between(self.trajectory, i, float(self.t[k]), dy, carry, self.dp)
+            self.y[k], self.dy[k] = _at_time(self.trajectory, i, float(self.t[k]), dy, carry, self.dp)
 
     def at_nodes(self, i: int, found: Array) -> None:
         """Fill in the times from node i up to the last of the m nodes of ``found`` (m, k, ny + ...), excluding it."""
@@ -228,7 +228,7 @@ class _Tangents:
         self.y[times], self.dy[times] = trajectory.ys[nodes], found[nodes - i, :, :ny].transpose(0, 2, 1)
         for k in np.flatnonzero(self.t[times] != trajectory.ts[nodes]) + times.start:
             m, (dy, carry) = self.nodes[k], np.split(found[self.nodes[k] - i].T, [ny])
-            self.y[k], self.dy[k] = _between(trajectory, m, float(self.t[k]), dy, carry, self.dp)
+            self.y[k], self.dy[k] = _at_time(trajectory, m, float(self.t[k]), dy, carry, self.dp)
 
 
 def _apply(maps: Iterable[Any], dy: Array, carry: Array, dp: Array) -> tuple[Array, Array]:
@@ -255,21 +255,21 @@ def start_tangent(trajectory: Trajectory, dp: Array, start: bool) -> Array:
 
 
 def _model_start_derivatives(trajectory: Trajectory) -> Array:
-    """Return derivatives of the mechanism's start, (ny, k); zeros for (q, v), or s, if the run began elsewhere."""
+    """Return derivatives of the mechanism's start, (ny, k); zeros for given start values of (q, v), or of s."""
     t, y, s, sensitivity = float(trajectory.ts[0]), trajectory.initial_point, trajectory.system, trajectory.sensitivity
     out, model_start, nx = np.zeros((s.ny, sensitivity.k)), np.empty(0), s.nq + s.nv
     if all(p.keeps_start and p.keeps_states for p in sensitivity.parameters.all):
         return out
-    with suppress(MbdaeError):  # its loops may not close
+    with suppress(MbdaeError):  # the loops of the start may not close
         model_start = np.concatenate(s.mechanism.start_at(t))
     if len(model_start) and np.abs(model_start - y[:nx]).max() <= COINCIDENT * (1 + np.abs(model_start).max()):
         out = sensitivity.start(t, y)
-    given = (np.array(list(s.mechanism.states.values())) != y[nx:-1]).any()
-    out[2 * s.nv : -1] = 0.0 if given else sensitivity.start_states()
+    has_given_states = (np.array(list(s.mechanism.states.values())) != y[nx:-1]).any()
+    out[2 * s.nv : -1] = 0.0 if has_given_states else sensitivity.start_states()
     return out
 
 
-def _between(trajectory: Trajectory, i: int, t: float, dy: Array, carry: Array, dp: Array) -> tuple[Array, Array]:
+def _at_time(trajectory: Trajectory, i: int, t: float, dy: Array, carry: Array, dp: Array) -> tuple[Array, Array]:
     """Return the point at time t after node i, and its derivatives."""
     if t == trajectory.ts[i]:
         return trajectory.ys[i], dy

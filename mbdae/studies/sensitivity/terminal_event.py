@@ -20,10 +20,10 @@ WIDTH = 1e-3  # width of difference quotients of event functions, in rad, charac
 
 @dataclass(frozen=True)
 class EventTimeDerivative:
-    """The last step, which ends in an event e(t, y, p) = 0, and the derivative of its size.
+    """The last step, which ends in an event e(t, y, p) = 0, and derivatives with respect to the step size.
 
     Attributes:
-        parts: of the step.
+        parts: parts of the step.
         by_t: de/dt.
         by_y: de/dy, (ny,).
         by_p: de/dp, (k,).
@@ -41,9 +41,9 @@ class EventTimeDerivative:
             dy, carry = part.forward(dy, carry, dp, *size)
         return dy, carry
 
-    def by_size(self, like: Array, carry: Array) -> Array:
-        """Return the derivative of y after the step with respect to its size, (ny, 1)."""
-        zero = np.zeros((len(like), 1)), np.zeros((len(carry), 1)), np.zeros((len(self.by_p), 1))
+    def by_size(self, dy: Array, carry: Array) -> Array:
+        """Return the derivative of y after the step with respect to the step size, (ny, 1); arguments give lengths."""
+        zero = np.zeros((len(dy), 1)), np.zeros((len(carry), 1)), np.zeros((len(self.by_p), 1))
         return self.forward(*zero, np.ones(1))[0]
 
     def time_derivative(self, dy: Array, carry: Array, dp: Array) -> Array:
@@ -60,7 +60,7 @@ class EventTimeDerivative:
 
 
 def terminal_event(trajectory: Trajectory, event: object) -> EventTimeDerivative | None:
-    """Return the last step of a run that ended in an event; None for others.
+    """Return the last step of a run that ended in an event; None for any other run.
 
     Args:
         trajectory: the run.
@@ -78,29 +78,29 @@ def terminal_event(trajectory: Trajectory, event: object) -> EventTimeDerivative
         raise InputError(
             "the run ended in a terminal event, whose time depends on parameters: give its function or signal, event="
         )
-    given, s = getattr(event, "function", event), trajectory.system
+    condition, s = getattr(event, "function", event), trajectory.system
     last, t, y = len(trajectory.ts) - 1, float(trajectory.ts[-1]), trajectory.ys[-1]
     parts = list(trajectory.step_parts(last - 1))
-    if isinstance(given, str):
-        signal, level, _ = parse_level_crossing(given)
+    if isinstance(condition, str):
+        signal, level, _ = parse_level_crossing(condition)
         row = (row_of := SignalJacobian(trajectory, [signal])).rows(last, t, y)[0]
         residual = signal_value(s, row_of.signals[0], t, y) - level
         if row_of.signals[0].kind == "angle":
             residual -= TWO_PI * round(residual / TWO_PI)
         return _require_transversal(
-            trajectory, EventTimeDerivative(parts, float(row[-1]), row[: s.ny], row[s.ny : -1]), given, residual
+            trajectory, EventTimeDerivative(parts, float(row[-1]), row[: s.ny], row[s.ny : -1]), condition, residual
         )
-    if not callable(given):
-        raise InputError(f"an event is a signal or a function of (t, q, v), got {given!r:.60}")
+    if not callable(condition):
+        raise InputError(f"an event is a signal or a function of (t, q, v), got {condition!r:.60}")
 
     def value(t: float, y: Array) -> float:
-        return event_value(s, Event(given), t, y)
+        return event_value(s, Event(condition), t, y)
 
     widths = WIDTH * np.append(s.mechanism.motion_scales, np.ones(s.ns + 1))
     by_t = numerical_derivative(lambda x: value(t + x, y), WIDTH / s.mechanism.characteristic_rate)
     by_y = numerical_jacobian(lambda x: value(t, s.add(y, x)), s.ny, widths)
     end = EventTimeDerivative(parts, by_t, by_y, np.zeros(trajectory.sensitivity.k))
-    return _require_transversal(trajectory, end, function_name(given), value(t, y))
+    return _require_transversal(trajectory, end, function_name(condition), value(t, y))
 
 
 def _require_transversal(

@@ -17,7 +17,7 @@ from ...units import displayed, quantity, unit_name
 if TYPE_CHECKING:
     from ...solution.solution import Problem, Solution
 
-PRINTED_TIMES = 5  # times of an event
+PRINTED_TIMES = 5  # number of printed times of an event
 REPLAYS = ("html", "video", "glb")
 REPLAY_ARGUMENTS = ("speed", "plots", "traces", "arrows", "every", "camera", "follow", "closures", "deformation")
 FILES = (
@@ -57,10 +57,10 @@ def solve(
     replay = {name: options.pop(name) for name in REPLAY_ARGUMENTS}
     mech = _problem(model, out, replay)
     names = _signals(mech, signals, out.paths["plot"])
-    watched = [*events, *(Event(text, terminal=True) for text in until)]
-    sol = simulate(mech, events=watched, **options)
+    monitored = [*events, *(Event(text, terminal=True) for text in until)]
+    sol = simulate(mech, events=monitored, **options)
     _write(sol, out, names, replay)
-    data, lines = _described(sol, events, until)
+    data, lines = _summary(sol, events, until)
     if names and mech is sol.mechanism:
         extremes = sol.statistics(names)
         data["signals"] = extremes.to_dict()
@@ -70,7 +70,7 @@ def solve(
 
 
 def _problem(model: ChosenModel, out: Output, replay: dict[str, Any]) -> "Problem":
-    """Return the problem of a run; a replay needs one with bodies."""
+    """Return the problem of a run; a replay needs a mechanism."""
     from ...mechanism import Mechanism
 
     requested = any(replay[name] for name in REPLAY_ARGUMENTS[1:])
@@ -109,8 +109,8 @@ def _write(sol: "Solution", out: Output, names: tuple[str, ...], replay: dict[st
         sol.plot(names, path=out.paths["plot"])
 
 
-def _described(sol: "Solution", events: Sequence[str], until: Sequence[str]) -> tuple[dict[str, Any], list[str]]:
-    """Return a run as JSON data and as lines: status, drift, events, singular configurations, impacts."""
+def _summary(sol: "Solution", events: Sequence[str], until: Sequence[str]) -> tuple[dict[str, Any], list[str]]:
+    """Return JSON data and lines of text on a run: status, drift, events, singular configurations, impacts."""
     from ..drift.drift import drift
 
     found = drift(sol)
@@ -125,7 +125,7 @@ def _described(sol: "Solution", events: Sequence[str], until: Sequence[str]) -> 
         "singular": [x.to_dict() for x in sol.singular],
         "impacts": [x._asdict() for x in sol.impacts],
     }
-    listed = [text for text, t in times.items() if text not in until or t.tolist() != [sol.t[-1]]]  # in str(sol)
+    listed = [text for text, t in times.items() if text not in until or t.tolist() != [sol.t[-1]]]  # not in str(sol)
     lines = [str(sol), str(found), *(f"  {text}: {_times(times[text])}" for text in listed)]
     lines += [f"  singular configuration: {x}" for x in sol.singular]
     return data, [*lines, *([_impacts(sol)] if sol.impacts else [])]
@@ -140,7 +140,7 @@ def _impacts(sol: "Solution") -> str:
 
 
 def _times(times: Any) -> str:
-    """Return the times of an event as text, at most the first few."""
-    some = ", ".join(f"{displayed(t, 's')[0]:.9g}" for t in times[:PRINTED_TIMES])
+    """Return the first few times of an event as text."""
+    first = ", ".join(f"{displayed(t, 's')[0]:.9g}" for t in times[:PRINTED_TIMES])
     more = ", ..." if len(times) > PRINTED_TIMES else ""
-    return f"t = {some}{more} {unit_name('s')} ({len(times)})" if len(times) else "never"
+    return f"t = {first}{more} {unit_name('s')} ({len(times)})" if len(times) else "never"

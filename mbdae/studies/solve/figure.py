@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MAX_LEGEND = 24  # curves in a legend
+MAX_LEGEND = 24  # largest number of curves in a legend
 RESIDUALS = (("g", "$|g|$ (m, rad)", "-"), ("Gv", "$|G v|$ (m/s, rad/s)", ":"))
 
 

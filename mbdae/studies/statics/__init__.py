@@ -1,1 +1,1 @@
-"""Equilibria, what holds them, and how they move with a load."""
+"""Equilibria and their stability, and paths of equilibria over a load."""

@@ -1,7 +1,7 @@
 """Contacts that close or open along a path of equilibria over a load.
 
-A path is a curve in each mode. It ends where a gap or a normal force becomes zero and continues in the mode in which
-that contact is closed or open, in the direction in which the normal force or the gap, which begins at zero, grows:
+A path is smooth in each mode. Where a gap or a normal force becomes zero, it continues in the mode in which that
+contact has closed or opened, in the direction in which the normal force or the gap increases from zero:
 
     0 <= gap,   0 <= N,   gap N = 0
 
@@ -26,9 +26,9 @@ class Change(NamedTuple):
     """A contact that changes in a step of a path.
 
     Attributes:
-        h: step length.
-        point: where it changes.
-        contact: its index.
+        h: step length up to the change.
+        point: point at which the contact changes.
+        contact: index of the contact.
     """
 
     h: float
@@ -37,19 +37,19 @@ class Change(NamedTuple):
 
 
 class ContactMode:
-    """Contacts that are closed along a part of a path.
+    """Contacts that are closed along a segment of a path.
 
     Args:
         contacts: all contacts.
-        closed: indices of the closed ones.
+        closed: indices of the closed contacts.
     """
 
     def __init__(self, contacts: "Contacts", closed: set[int]) -> None:
         self.contacts, self.closed = contacts, closed
 
     @property
-    def patience(self) -> int:
-        """Number of changes without progress after which a path ends."""
+    def max_changes(self) -> int:
+        """Largest number of successive changes without progress, after which a path ends."""
         return 1 + len(self.contacts.switches)
 
     def margin(self, k: int, point: PathPoint) -> float:
@@ -67,8 +67,8 @@ class ContactMode:
             found.append(Change(*(locate(point, h, margin) if margin(point) > 0 else (0.0, point)), k))
         return min(found, key=lambda change: change.h, default=None)
 
-    def switched(self, k: int) -> "ContactMode":
-        """Return the mode in which a contact is closed that was open, or open that was closed."""
+    def after_change(self, k: int) -> "ContactMode":
+        """Return the mode after a change of contact k: closed if it was open, open if it was closed."""
         return ContactMode(self.contacts, self.closed ^ {k})
 
     def statics(self, before: Statics, loads: list[str]) -> Statics:

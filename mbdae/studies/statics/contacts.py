@@ -1,8 +1,8 @@
 """Equilibria that rest on stops, ropes and planes: 0 <= gap, 0 <= N, gap N = 0.
 
-From an equilibrium without contact, the first contact that the way to it violates closes, and the search continues in
-that mode; a closed contact in tension opens again. The equilibrium is accepted when no gap is negative and every closed
-contact is in compression.
+The search begins without contact. The first contact that is violated between start and equilibrium is closed, and the
+search continues in that mode; a closed contact in tension is opened. The equilibrium is accepted when no gap is
+negative and every closed contact is in compression.
 
 Source: J. Nocedal, S. J. Wright, Numerical Optimization (2006), section 16.5, for the active-set iteration.
 """
@@ -23,11 +23,11 @@ from ...system import Array
 from ...tolerances import CLOSED, MODE_ROUNDING
 from .search import find_equilibrium
 
-CHANGES = 20  # changes of the mode, plus as many per contact: more are a cycle
+CHANGES = 20  # largest number of changes of the mode per contact, plus as many: more indicate a cycle
 
 
 class Contacts:
-    """Contacts of a mechanism on which an equilibrium may rest.
+    """Contacts of a mechanism that may support an equilibrium.
 
     Args:
         mech: the mechanism.
@@ -73,19 +73,19 @@ class Contacts:
         return {self.switches[k].name: float(force[k]) for k in sorted(closed)}
 
     def margin(self, k: int, closed: set[int], balance: ForceBalance) -> float:
-        """Return the gap of an open contact in rad or characteristic lengths, or the normal force of a closed one."""
+        """Return the gap of an open contact in rad or characteristic lengths, the normal force of a closed contact."""
         return float(self.normal_forces(balance.lam)[k] if k in closed else self.gaps(balance.q)[k])
 
     def violated(self, closed: set[int], balance: ForceBalance) -> list[int]:
-        """Return the open contacts whose gaps are negative, and the closed ones in tension."""
+        """Return the open contacts with negative gaps, and the closed contacts in tension."""
         gaps = self.gaps(balance.q)
         penetrating = [k for k in range(len(gaps)) if k not in closed and gaps[k] < -CLOSED]
         return penetrating + self.contacts_in_tension(closed, balance)
 
     def first_violated(self, closed: set[int], q0: Array, q1: Array) -> tuple[int, float] | None:
-        """Return the open contact whose gap is negative at q1 and closes first on the way from q0, and where.
+        """Return the open contact with a negative gap at q1 that closes first from q0 to q1, and the fraction at which.
 
-        The gap is taken as linear along that way, which is a fraction of it between 0 and 1.
+        Gaps are interpolated linearly over the fraction of the displacement, between 0 and 1.
         """
         before, after = np.maximum(self.gaps(q0), 0.0), self.gaps(q1)
         negative = [k for k in range(len(after)) if k not in closed and after[k] < -CLOSED]
@@ -94,12 +94,12 @@ class Contacts:
 
 
 class ContactEquilibrium(NamedTuple):
-    """A balance of forces, and the contacts on which it rests.
+    """A balance of forces, and the contacts that support it.
 
     Attributes:
-        statics: of the mode.
-        balance: of forces.
-        residual: of the search.
+        statics: equilibrium equations of the mode.
+        balance: balance of forces.
+        residual: residual of the search.
         iterations: number of trial steps of all searches.
         contacts: normal forces in N, or N m, of the closed contacts by name.
         closed: indices of the closed contacts.
@@ -119,7 +119,7 @@ def find_equilibrium_on_contacts(
     """Search for an equilibrium that violates no contact, with the factor p on some loads.
 
     Raises:
-        EquilibriumError: if none is found.
+        EquilibriumError: if no equilibrium is found.
         InputError: for speeds that are not steady.
     """
     contacts, closed, iterations = Contacts(mech, t), set[int](), 0

@@ -29,21 +29,21 @@ from .trust_region import symmetric
 
 MAX_STEP, MIN_STEP = 0.03, SMALLEST_PART  # in rad or characteristic lengths, and the range of the factor
 MAX_CORRECTIONS, MAX_POINTS = 8, 5000
-MIN_COSINE = 0.95  # between tangents at both ends of a step
-TRIAL_STEP = THREE_DIGITS  # in rad or characteristic lengths, and parts of the range: shows which way a margin grows
-MIN_FIRST_STEP = 0.1 * MAX_STEP  # after a change of a contact
-LOWEST_FRACTION = -2.0  # fraction of the factor range, at which a diverging path ends
+MIN_COSINE = 0.95  # smallest cosine between the tangents at both ends of a step
+TRIAL_STEP = THREE_DIGITS  # step that determines the direction in which a margin increases
+MIN_FIRST_STEP = 0.1 * MAX_STEP  # first step after a change of a contact
+LOWEST_FRACTION = -2.0  # fraction of the factor range at which a diverging path ends
 
 
 class Continuation:
     """Path of equilibria over u in [0, 1], the fraction of the factor's range.
 
     Args:
-        statics: of the first mode.
-        mode: the contacts that are closed in it.
+        statics: equilibrium equations of the first mode.
+        mode: contacts that are closed in the first mode.
         loads: names of the scaled forces.
         first: the first factor.
-        span: of the factor.
+        span: last minus first factor.
     """
 
     def __init__(self, statics: Statics, mode: ContactMode, loads: list[str], first: float, span: float) -> None:
@@ -54,7 +54,7 @@ class Continuation:
         """Trace the path from an equilibrium at u = 0; return points, critical points, and whether it reached u = 1."""
         point = self.tangent(0.0, start, None)
         points, critical, h, changes = [point], list[CriticalPoint](), MAX_STEP, 0
-        while len(points) < MAX_POINTS and changes <= self.mode.patience:
+        while len(points) < MAX_POINTS and changes <= self.mode.max_changes:
             next_point = self.step(point, h)
             if next_point is None:
                 h /= 2
@@ -62,7 +62,7 @@ class Continuation:
                     return points, critical, False
                 continue
             beyond = next_point.u >= 1.0
-            h, next_point, change = self.shortened(point, next_point, h)
+            h, next_point, change = self.shorten(point, next_point, h)
             ended = beyond and change is None
             found = self.critical(point, next_point, h) if h else []
             points += [*(at for at, _ in found), next_point]
@@ -71,7 +71,7 @@ class Continuation:
             if ended or diverges or bends_by_its_size(self.statics.mech.model, next_point.balance.q):
                 return points, critical, ended
             if change:
-                after = self.continued(next_point, change.contact)
+                after = self.continue_after(next_point, change.contact)
                 critical.append(self._change(next_point, after, change.contact))
                 if after is None:
                     break
@@ -82,13 +82,12 @@ class Continuation:
             point, h = next_point, min(MAX_STEP, 1.5 * h)
         return points, critical, False
 
-    def continued(self, corner: PathPoint, k: int) -> PathPoint | None:
-        """Return the point at which a contact changes, and enter the new mode; None if the path ends there.
+    def continue_after(self, corner: PathPoint, k: int) -> PathPoint | None:
+        """Enter the mode after a change of contact k, and return its first point; None if the path ends.
 
-        Of the two directions of the tangent it has the one in which the margin of the contact grows from zero, by a
-        secant.
+        The tangent has the direction in which the margin of the contact increases from zero, by a secant.
         """
-        self.mode = self.mode.switched(k)
+        self.mode = self.mode.after_change(k)
         self.statics = self.mode.statics(self.statics, self.loads)
         try:
             balance = self.balance(self.statics.project(corner.balance.q, corner.balance.s), corner.balance.s, corner.u)
@@ -102,12 +101,14 @@ class Continuation:
         grown, start = max(growth, key=lambda item: item[0])
         return self.step(start, -TRIAL_STEP * self.mode.margin(k, start) / grown) if grown > 0 else None
 
-    def shortened(self, point: PathPoint, next_point: PathPoint, h: float) -> tuple[float, PathPoint, Change | None]:
-        """Return a step up to the first change of a contact or to u = 1, and the change."""
-        change = self.mode.first_change(self.located, point, next_point, h)
+    def shorten(self, point: PathPoint, next_point: PathPoint, h: float) -> tuple[float, PathPoint, Change | None]:
+        """Shorten a step to the first change of a contact, or to u = 1; return the step length, point and change."""
+        change = self.mode.first_change(self.locate_zero, point, next_point, h)
         if change:
             h, next_point = change.h, change.point
-        return (*self.located(point, h, lambda p: p.u - 1.0), None) if next_point.u >= 1.0 else (h, next_point, change)
+        if next_point.u >= 1.0:
+            return *self.locate_zero(point, h, lambda p: p.u - 1.0), None
+        return h, next_point, change
 
     def _change(self, before: PathPoint, after: PathPoint | None, k: int) -> CriticalPoint:
         """Return the point at which a contact has changed."""
@@ -118,12 +119,12 @@ class Continuation:
     def critical(self, point: PathPoint, after: PathPoint, h: float) -> list[tuple[PathPoint, CriticalPoint]]:
         """Return the critical points of a step, in order."""
         if after.du * point.du < 0:
-            root = self.located(point, h, lambda p: p.du)[1]
+            root = self.locate_zero(point, h, lambda p: p.du)[1]
             return [(root, self._point("limit", root, root.dq[None] / np.linalg.norm(root.balance.free.U @ root.dq)))]
         if point.curvature is None or after.curvature is None:
             if after.sign * point.sign > 0:
                 return []
-            root = self.located(point, h, lambda p: p.sign)[1]
+            root = self.locate_zero(point, h, lambda p: p.sign)[1]
             return [(root, self._point("branch", root, root.balance.free.Z[:, :0].T))]
         return self._branches(point, after, h)
 
@@ -135,7 +136,7 @@ class Continuation:
         regular = point if a.flat <= b.flat else next_point  # an end of the step may be a branch point
         flat = min(a.flat, b.flat)
         numbers = range(*sorted((a.negative, b.negative)))
-        roots = [self.located(point, h, lambda p, k=k: eigenvalue(p, k, flat)) for k in numbers]  # type: ignore[misc]
+        roots = [self.locate_zero(point, h, lambda p, k=k: eigenvalue(p, k, flat)) for k in numbers]  # type: ignore[misc]
         out: list[tuple[PathPoint, CriticalPoint]] = []
         roots.sort(key=lambda root: root[0])
         while roots:
@@ -191,7 +192,7 @@ class Continuation:
         return np.block([[Z, np.zeros((len(Z), 1))], [np.zeros(Z.shape[1]), np.ones(1)]]) / d
 
     def correction(self, balance: ForceBalance, point: PathPoint) -> Array:
-        """Return the correction (y, u) that balances forces, orthogonal to the tangent of another point."""
+        """Return the correction (y, u) that balances forces, orthogonal to the tangent of the previous point."""
         rows, d = self.rows(balance)
         along = np.append(point.dq / self.l, point.du) @ self.tangent_map(balance, d)
         size = np.linalg.norm(rows[:, -1]) or 1.0
@@ -201,9 +202,9 @@ class Continuation:
         return x * columns / d
 
     def tangent(self, u: float, balance: ForceBalance, before: PathPoint | None) -> PathPoint:
-        """Return the unit tangent at a point of the path, directed along that of the point before.
+        """Return the unit tangent at a point of the path, in the direction of the previous tangent.
 
-        It has no component of motions without stiffness.
+        It has no component along motions without stiffness.
 
         Raises:
             InputError: if the first equilibrium does not move with the load.
@@ -217,7 +218,7 @@ class Continuation:
         if before is None and np.linalg.norm(c) < VISIBLE:
             problem = f"the equilibrium at factor {self.first:g} is neutral or a limit point"
             raise InputError(f"{problem}: no unique path starts there; begin at another factor")
-        if len(c) == 1 and abs(c[0]) < ROUNDING:  # perpendicular to the path before, at a corner
+        if len(c) == 1 and abs(c[0]) < ROUNDING:  # perpendicular to the previous tangent, at a corner
             c = np.ones(1)
         tau = Q @ c / np.abs(Q @ c).max()
         x = null @ np.linalg.solve(R, c)
@@ -228,13 +229,13 @@ class Continuation:
         found = curvature(balance.H, balance.noise) if symmetric(balance.H, balance.noise) else None
         return PathPoint(u, balance, tau[:-1] * self.l, float(tau[-1]), found, sign)
 
-    def located(self, point: PathPoint, h: float, value: Callable[[PathPoint], float]) -> tuple[float, PathPoint]:
+    def locate_zero(self, point: PathPoint, h: float, value: Callable[[PathPoint], float]) -> tuple[float, PathPoint]:
         """Return the step length at a sign change of a value, and the point."""
         return locate(self.step, point, h, value, "equilibria")
 
 
 def eigenvalue(p: PathPoint, k: int, flat: int) -> float:
-    """Return eigenvalue k of H, not counting those that are always zero; 0 if it is zero to rounding.
+    """Return eigenvalue k of H, not counting eigenvalues that are always zero; 0 if it is zero to rounding.
 
     Args:
         p: a point of a path.
@@ -248,7 +249,7 @@ def eigenvalue(p: PathPoint, k: int, flat: int) -> float:
 
 
 def buckling_shapes(point: PathPoint, m: int, before: PathPoint) -> Array:
-    """Return m M-orthonormal motions without stiffness, which have stiffness at the point before, (m, nv)."""
+    """Return m M-orthonormal motions without stiffness, which have stiffness at the previous point, (m, nv)."""
     assert point.curvature is not None
     assert before.curvature is not None
     U, flat = point.balance.free.U, before.curvature.flat

@@ -1,7 +1,7 @@
 """All equilibria of a mechanism with one degree of freedom, along the curves of poses of all circuits.
 
-Where contacts leave an interval of a curve, 0 <= gap, equilibria are the zeros of Z^T f inside, and its ends at which
-the contact presses, N >= 0.
+On intervals of a curve with open contacts, 0 <= gap, equilibria are the zeros of Z^T f; at the ends of the intervals
+they are poses with a compressive normal force, N >= 0.
 """
 
 import warnings
@@ -33,9 +33,9 @@ from .trust_region import TrustRegion
 __all__ = ["equilibria"]
 
 POINTS = 361
-INPUTS = 3  # values of the input, over its range, at which circuits are searched
-Resting = tuple[TrustRegion, dict[str, float]]  # a balance of forces, and the normal forces of its contacts
-ON_CURVE = 0.25  # fraction of the distance between two poses: tolerance for a pose on the curve
+INPUTS = 3  # number of values of the input at which circuits are searched
+ContactBalance = tuple[TrustRegion, dict[str, float]]  # a balance of forces, and the normal forces of its contacts
+ON_CURVE = 0.25  # largest distance of a pose from a curve that contains it, over the distance of two poses
 
 
 def equilibria(
@@ -47,16 +47,16 @@ def equilibria(
 ) -> list[Equilibrium]:
     """Find all equilibria of a mechanism with one degree of freedom: the zeros of Z^T f along its curves of poses.
 
-    Those that violate a stop, a rope or a plane are left out, and those that rest on one are added.
+    Equilibria that violate a stop, a rope or a plane are omitted; equilibria that are supported by one are added.
 
-    Besides the curve of the start, those of the other circuits are traced, from assembly modes at three values of the
-    input over its range that do not lie on earlier curves (see `mbdae.assembly_modes`).
+    Besides the curve of the start, the curves of all further circuits are traced, from assembly modes at three values
+    of the input that do not lie on earlier curves (see `mbdae.assembly_modes`).
 
     Args:
         mech: the mechanism, or an argument of `mbdae.load`.
         drive: the joint over which the poses are traced. See `mbdae.kinematics`.
-        span: its range in rad or m; one turn to both sides of the start when left out.
-        hold: locked joints.
+        span: range of the joint in rad or m; one turn to both sides of the start when left out.
+        hold: joints to lock.
 
     Returns:
         Stable and unstable equilibria in the order of the curves, that of the start first; each once.
@@ -66,25 +66,25 @@ def equilibria(
         UnknownNameError, AssemblyError, StepError: as `mbdae.kinematics`.
     """
     mech = mechanism_of(mech, "equilibria")
-    held = as_list(hold, "hold is a list of joints")
-    if bending := [name for name in mode_joints(mech.model) if name not in held]:
+    locked = as_list(hold, "hold is a list of joints")
+    if bending := [name for name in mode_joints(mech.model) if name not in locked]:
         text = f"flexible bodies leave more than one degree of freedom: hold {', '.join(bending)}"
         raise InputError(f"{text}, or find an equilibrium in which they deform by mbdae.equilibrium")
-    fixed = np.array([i for name in held for i in velocities(mech, name)], int)
+    fixed = np.array([i for name in locked for i in velocities(mech, name)], int)
     contacts, v, names = Contacts(mech, 0.0), np.zeros(mech.nv), velocity_labels(mech, fixed)
     statics = Statics(mech, 0.0, v, fixed, mode=contacts.mode(set()))
     s0 = np.array(list(mech.states.values()))
-    _require_branch(statics, drive, tuple(held), s0)
-    first = kinematics(mech, drive, span=span, hold=tuple(held), points=POINTS)
+    _require_branch(statics, drive, tuple(locked), s0)
+    first = kinematics(mech, drive, span=span, hold=tuple(locked), points=POINTS)
     if statics.point(first.q[0], s0).free.Z.shape[1] != 1:
-        raise InputError(f"{_given(mech, drive)}: there is no branch of equilibria over it")
+        raise InputError(f"{_reason_prescribed(mech, drive)}: there is no branch of equilibria over it")
 
     out: list[Equilibrium] = []
-    for curve in _circuits(first, span, tuple(held)):
-        free: Iterator[Resting] = (
-            (s, {}) for s in _balanced(statics, curve, s0) if not contacts.violated(set(), s.best)
+    for curve in _circuits(first, span, tuple(locked)):
+        free: Iterator[ContactBalance] = (
+            (s, {}) for s in _free_equilibria(statics, curve, s0) if not contacts.violated(set(), s.best)
         )
-        for search, loads in chain(free, _resting(contacts, fixed, curve, s0)):
+        for search, loads in chain(free, _supported_equilibria(contacts, fixed, curve, s0)):
             balance, n = search.best, search.iterations
             if all(np.abs(_offsets(mech, e.q[None], balance.q)).max() > SAME_STATE for e in out):
                 holding = dict(zip(names, balance.holding.tolist(), strict=True))
@@ -104,12 +104,12 @@ def _require_branch(statics: Statics, drive: str, hold: tuple[str, ...], s0: Arr
     driven = driven_mechanism(mech, drive, hold, begin)
     if statics.point(begin, s0).free.Z.shape[1]:  # the same in all regular poses
         return
-    held = [d.joint or d.name for d in driven.drivers[:-1]]
-    require_one_dof(driven, driven.system(), begin, drive, held, omitted_elements(mech))
-    raise InputError(f"{_given(mech, drive)}: there is no branch of equilibria over it")
+    locked = [d.joint or d.name for d in driven.drivers[:-1]]
+    require_one_dof(driven, driven.system(), begin, drive, locked, omitted_elements(mech))
+    raise InputError(f"{_reason_prescribed(mech, drive)}: there is no branch of equilibria over it")
 
 
-def _given(mech: Mechanism, drive: str) -> str:
+def _reason_prescribed(mech: Mechanism, drive: str) -> str:
     """Return the reason why the degree of freedom is prescribed, in words."""
     if any(d.speed is not None for d in mech.drivers):
         return f"a driver prescribes the speed of {drive!r}"
@@ -117,7 +117,7 @@ def _given(mech: Mechanism, drive: str) -> str:
 
 
 def _circuits(first: Kinematics, span: tuple[float, float] | None, hold: tuple[str, ...]) -> list[Kinematics]:
-    """Return the curve of the start, and those of assembly modes that are not on earlier ones."""
+    """Return the curve of the start, and the curves of assembly modes that are not on earlier curves."""
     mech, drive, curves = first.mechanism, first.drive, [first]
     if not mech.closures:
         return curves
@@ -129,7 +129,7 @@ def _circuits(first: Kinematics, span: tuple[float, float] | None, hold: tuple[s
     for u in (start.u, *inputs.tolist()):
         try:
             found = start if u == start.u else assembly_modes(mech, drive, u, hold=hold)
-        except InputError:  # it cannot reach this input
+        except InputError:  # the mechanism cannot reach this input
             continue
         for warning in found.warnings:
             warnings.warn(f"equilibria over {drive!r}: {warning}", stacklevel=3)
@@ -158,14 +158,16 @@ def _contains(mech: Mechanism, curve: Kinematics, q: Array) -> bool:
     return False
 
 
-def _resting(contacts: Contacts, fixed: Array, curve: Kinematics, s0: Array) -> Iterator[Resting]:
-    """Yield the equilibria along a curve that rest on a contact, at zeros of its gap, and the normal force."""
+def _supported_equilibria(
+    contacts: Contacts, fixed: Array, curve: Kinematics, s0: Array
+) -> Iterator[ContactBalance]:
+    """Yield the equilibria along a curve that a contact supports, at zeros of its gap, and the normal force."""
     mech = curve.mechanism
     for k in range(len(contacts.switches)):
         statics = Statics(mech, 0.0, np.zeros(mech.nv), fixed, mode=contacts.mode({k}))
-        for near in _closing_poses(contacts, k, curve):
+        for pose in _closing_poses(contacts, k, curve):
             try:
-                search = TrustRegion(statics, statics.point(statics.project(near, s0), s0))
+                search = TrustRegion(statics, statics.point(statics.project(pose, s0), s0))
             except StepError:
                 continue
             if not search.best.free.Z.shape[1] and not contacts.violated({k}, search.best):
@@ -173,7 +175,7 @@ def _resting(contacts: Contacts, fixed: Array, curve: Kinematics, s0: Array) -> 
 
 
 def _closing_poses(contacts: Contacts, k: int, curve: Kinematics) -> Iterator[Array]:
-    """Yield poses near the zeros of a gap along a curve, which is interpolated by cubics."""
+    """Yield poses close to the zeros of a gap, which is interpolated along a curve by cubics."""
     if contacts.all_rows is None:
         return
     manifold, row, scale = curve.mechanism.manifold, contacts.rows[k], curve.mechanism.row_scales[contacts.rows[k]]
@@ -190,8 +192,8 @@ def _closing_poses(contacts: Contacts, k: int, curve: Kinematics) -> Iterator[Ar
 def _segments(curve: Kinematics) -> Iterator[tuple[Array, Array, Array]]:
     """Yield arclengths (n,), poses (n, nq) and tangents (n, nv) of the segments of a curve.
 
-    One that ends full turns from where it begins is repeated before the start if there are contacts, which
-    tell turns apart.
+    A segment that closes up to full turns is repeated before the start if there are contacts, whose gaps depend on the
+    number of turns.
     """
     mech = curve.mechanism
     for segment in curve.segments:
@@ -200,13 +202,13 @@ def _segments(curve: Kinematics) -> Iterator[tuple[Array, Array, Array]]:
         if len(s) < 2:
             continue
         yield s, q, tangent
-        turned = mech.manifold.difference(q[0], q[-1])
+        advance = mech.manifold.difference(q[0], q[-1])
         closes = np.abs(_offsets(mech, q[:1], q[-1])).max() <= SAME_STATE
-        if mech.switches and closes and np.abs(turned).max() > SAME_STATE:
-            yield s, np.array([mech.manifold.integrate(pose, -turned) for pose in q]), tangent
+        if mech.switches and closes and np.abs(advance).max() > SAME_STATE:
+            yield s, np.array([mech.manifold.integrate(pose, -advance) for pose in q]), tangent
 
 
-def _balanced(statics: Statics, curve: Kinematics, s0: Array) -> Iterator[TrustRegion]:
+def _free_equilibria(statics: Statics, curve: Kinematics, s0: Array) -> Iterator[TrustRegion]:
     """Yield the equilibria along a curve, at sign changes of the force along it."""
     manifold = statics.system.manifold
 
@@ -222,8 +224,8 @@ def _balanced(statics: Statics, curve: Kinematics, s0: Array) -> Iterator[TrustR
             x, tau = manifold.difference(q[i], q[i + 1]), tangents[i]
             try:
                 c = brentq(lambda c, q=q[i], x=x, tau=tau: along(manifold.integrate(q, c * x), tau), 0, 1)
-                near = statics.project(manifold.integrate(q[i], c * x), s0)
-                search = TrustRegion(statics, statics.point(near, s0))
+                pose = statics.project(manifold.integrate(q[i], c * x), s0)
+                search = TrustRegion(statics, statics.point(pose, s0))
                 found = search.run("any")
             except (StepError, ValueError):
                 continue

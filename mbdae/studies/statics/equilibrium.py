@@ -41,7 +41,7 @@ class Equilibrium(Tabular):
 
     Attributes:
         mechanism: the mechanism.
-        t: time in s, which matters for drivers and functions of time.
+        t: time in s, for drivers and functions of time.
         q: configuration, (nq,).
         v: constant speeds, (nv,); zero at rest.
         s: states of controllers and actuators, (ns,).
@@ -49,10 +49,10 @@ class Equilibrium(Tabular):
         holding: torque in N m or force in N on each coordinate of locked joints, by name.
         residual: unbalanced force along free motions, relative to the largest force.
         iterations: number of trial steps.
-        verdict: stability, and its criterion; on contacts, that of the motions in which they stay closed.
-        contacts: normal forces in N, or N m, of the stops, ropes and planes on which it rests, by name.
-        indeterminate: names in ``holding`` whose forces are statically indeterminate: of minimum norm with those of
-            closures.
+        verdict: stability, and its criterion; contacts are assumed to remain closed.
+        contacts: normal forces in N, or N m, of the stops, ropes and planes that support the equilibrium, by name.
+        indeterminate: names in ``holding`` whose forces are statically indeterminate: they have minimum norm together
+            with the multipliers.
     """
 
     mechanism: Mechanism
@@ -75,7 +75,7 @@ class Equilibrium(Tabular):
 
     @property
     def eigenvalues(self) -> Array:
-        """Squares of the angular frequencies without damping, negative where it is unstable, 1/s^2, (k,)."""
+        """Squares of the undamped angular frequencies in 1/s^2, negative for unstable motions, (k,)."""
         return self.verdict.squares
 
     @cached_property
@@ -92,7 +92,7 @@ class Equilibrium(Tabular):
 
     @cached_property
     def warning(self) -> str:
-        """Which flexible body bends beyond the range of linear modes; empty if none does."""
+        """Name of a flexible body that bends beyond the range of linear modes, in words; empty if none does."""
         return beyond_linear(self.mechanism.model, self.q[None])
 
     def reaction(self, name: str) -> Reaction:
@@ -108,7 +108,7 @@ class Equilibrium(Tabular):
         return "N" if self.mechanism.row_units[row] == "m" else "N m"
 
     def to_columns(self) -> Columns:
-        """Return one row: coordinates, deformation, states, and forces that hold, by names of signals."""
+        """Return one row: coordinates, deformation, states, holding forces and reactions, by names of signals."""
         units, values = coordinate_units(self.mechanism), {"t": self.t, **self.coordinates}
         known = {"t": "s", **{name: units[name] for name in self.coordinates if name in units}}
         values, known = values | self.deformation, known | deformation_units(self.mechanism.model)
@@ -121,9 +121,9 @@ class Equilibrium(Tabular):
         for c in self.mechanism.constraints:
             r = self.reaction(c.name) if c.frames else None
             for kind, vector, unit in (("force", r.force_world, "N"), ("torque", r.torque_world, "N m")) if r else ():
-                parts = dict(zip(("", ".x", ".y", ".z"), (np.linalg.norm(vector[0]), *vector[0]), strict=True))
-                values |= {f"{kind}.{c.name}{end}": float(x) for end, x in parts.items()}
-                known |= {f"{kind}.{c.name}{end}": unit for end in parts}
+                components = dict(zip(("", ".x", ".y", ".z"), (np.linalg.norm(vector[0]), *vector[0]), strict=True))
+                values |= {f"{kind}.{c.name}{end}": float(x) for end, x in components.items()}
+                known |= {f"{kind}.{c.name}{end}": unit for end in components}
         return Columns({name: [x] for name, x in (values | {"stability": self.stability}).items()}, known)
 
     def cells(self) -> list[list[str]]:
@@ -201,10 +201,10 @@ def equilibrium(
 
     By a trust region over the free motions that needs no potential, so that controllers, motors and follower forces are
     allowed. States such as currents and integrators are determined, too; an integrator requires its reference value.
-    Drivers are frozen at time t. It may rest on stops, ropes and planes, which press and never pull.
+    Drivers are frozen at time t. Stops, ropes and planes support the mechanism by unilateral forces.
 
-    With speeds it is a relative equilibrium: the coordinates with a speed move steadily
-    and nothing may depend on them (the shaft of a governor); the torque that sustains them is reported.
+    With speeds it is a relative equilibrium: coordinates with a constant speed must be cyclic (the shaft of a
+    governor); the torques that sustain the speeds are reported.
 
     Args:
         mech: the mechanism, or an argument of `mbdae.load`.
@@ -212,8 +212,8 @@ def equilibrium(
         t: time in s.
         v: constant speeds by joint, in rad/s or m/s.
         hold: joints to lock at their start; their holding torques are reported.
-        find: kind of equilibrium. ``"stable"`` leaves saddles and maxima; ``"any"`` accepts the nearest
-            equilibrium of any kind.
+        find: kind of equilibrium. ``"stable"`` rejects saddles and maxima; ``"any"`` accepts the nearest equilibrium of
+            any kind.
 
     Returns:
         The equilibrium, with a verdict.
@@ -229,8 +229,9 @@ def equilibrium(
     mech = mechanism_of(mech, "equilibrium")
     if find not in FIND:
         raise UnknownNameError("kind of equilibrium", find, FIND)
-    q0, speeds, held, names = complete_arguments(mech, q, t, v, hold)
-    statics, balance, residual, iterations, contacts, _ = find_equilibrium_on_contacts(mech, t, speeds, held, q0, find)
+    q0, speeds, locked, names = complete_arguments(mech, q, t, v, hold)
+    found = find_equilibrium_on_contacts(mech, t, speeds, locked, q0, find)
+    statics, balance, residual, iterations, contacts, _ = found
     holding = dict(zip(names, balance.holding.tolist(), strict=True))
     stability, indeterminate = verdict(statics, balance), tuple(compress(names, balance.indeterminate))
     state = balance.q, speeds, balance.s, balance.lam
@@ -253,12 +254,12 @@ def complete_arguments(
         speeds = np.zeros(mech.nv) if v is None else mech.vector("v", v, mech.nv)
         moving = np.flatnonzero(speeds)
     fixed = [i for name in as_list(hold, "hold is a list of joints") for i in velocities(mech, name)]
-    held = np.unique(np.array([*fixed, *moving], int))
-    return start, speeds, held, velocity_labels(mech, held)
+    locked = np.unique(np.array([*fixed, *moving], int))
+    return start, speeds, locked, velocity_labels(mech, locked)
 
 
 def frozen_drivers(mech: Mechanism, q: Array, v: Array, t: float) -> list[str]:
-    """Return the drivers whose speeds at time t are not those of v, with these speeds."""
+    """Return the drivers whose speeds at time t differ from those of v, with the omitted speeds."""
     system, found = mech.system(), []
     along, speeds = system.jacobian(q) @ v, -system.g_t(t)
     for driver in mech.drivers:

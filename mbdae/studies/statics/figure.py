@@ -33,18 +33,18 @@ def load_deflection(path: LoadPath, coordinate: str | None = None) -> "Figure":
     unstable = path.unstable > 0
     changes = np.flatnonzero(np.diff(unstable)) + 1
     seen = set[bool]()
-    for part in np.split(np.arange(len(x)), changes):
-        dashed = bool(unstable[part[0]])
-        run = np.append(part, part[-1] + 1)[: len(x) - part[0]]
+    for segment in np.split(np.arange(len(x)), changes):
+        dashed = bool(unstable[segment[0]])
+        run = np.append(segment, segment[-1] + 1)[: len(x) - segment[0]]
         style: Any = {"color": COLOURS[1], "linestyle": "--"} if dashed else {"color": COLOURS[0], "linestyle": "-"}
         label = None if dashed in seen else "unstable" if dashed else "stable"
         ax.plot(x[run], path.factor[run], label=label, **style)
         seen.add(dashed)
     for kind, (label, marker) in STYLES.items():
         at = [e for e in path.critical if e.kind == kind]
-        near = [float(x[np.abs(path.q - e.q).max(axis=1).argmin()]) for e in at]
+        positions = [float(x[np.abs(path.q - e.q).max(axis=1).argmin()]) for e in at]
         if at:
-            ax.plot(near, [e.factor for e in at], marker, color="black", label=label)
+            ax.plot(positions, [e.factor for e in at], marker, color="black", label=label)
     ax.set_xlabel(escaped(f"{name} ({unit})"))
     ax.set_ylabel(escaped(f"factor on {path.load}"))
     ax.set_title(escaped(path.mechanism.title))

@@ -43,13 +43,13 @@ class LoadPath(Tabular):
     Attributes:
         mechanism: the mechanism.
         load: name of the force that is scaled.
-        factor: on the load, (n,), along the path.
+        factor: factor on the load along the path, (n,).
         q: configurations, (n, nq).
         unstable: number of negative eigenvalues of the stiffness, (n,).
         critical: limit points, branch points, and contacts that close or open.
         complete: whether the path reached the end of the range.
         potential: whether forces have a potential along the path: then no branch point can be missed.
-        contacts: normal forces of contacts that are closed somewhere, in N or N m, by name, (n,) each; 0 where open.
+        contacts: normal forces of contacts that close on the path, in N or N m, by name, (n,) each; 0 while open.
     """
 
     mechanism: Mechanism
@@ -66,8 +66,8 @@ class LoadPath(Tabular):
     def coordinates(self) -> dict[str, Array]:
         """The configurations by names ``q.<joint>``, (n,) each, see `mbdae.Solution.signals`."""
         n, mech = len(self.q), self.mechanism
-        rest = np.zeros((n, mech.nv + len(mech.states) + 1))
-        y = np.hstack([self.q, rest])
+        zeros = np.zeros((n, mech.nv + len(mech.states) + 1))
+        y = np.hstack([self.q, zeros])
         lam = np.full((n, mech.ng), np.nan)
         found = coordinates(Solution(mech, np.arange(n, dtype=float), y, lam, "finished", "", {}, {}))
         return {name: x for name, x in found.items() if name.startswith("q.")}
@@ -79,19 +79,19 @@ class LoadPath(Tabular):
 
     @property
     def warning(self) -> str:
-        """Which flexible body bends beyond the range of linear modes, and from which factor on; empty if none does."""
-        if not (words := beyond_linear(self.mechanism.model, self.q)):
+        """Name of a flexible body that bends beyond the range of linear modes, and the factor at which; else empty."""
+        if not (text := beyond_linear(self.mechanism.model, self.q)):
             return ""
         first = next(i for i in range(len(self.q)) if beyond_linear(self.mechanism.model, self.q[i : i + 1]))
-        return f"{words}, from factor {self.factor[first]:.6g} on"
+        return f"{text}, from factor {self.factor[first]:.6g} on"
 
     @property
     def moving(self) -> str:
-        """The coordinate that moves the most."""
+        """The coordinate with the largest range."""
         return max(self.coordinates.items(), key=lambda item: float(np.ptp(item[1])))[0]
 
     def plot(self, path: str | Path | None = None, coordinate: str | None = None) -> "Figure":
-        """Draw the load over a coordinate, the one that moves the most when left out; saved if a path is given.
+        """Draw the load over a coordinate, by default that with the largest range; saved if a path is given.
 
         Raises:
             UnknownNameError: for a coordinate that does not exist.
@@ -133,11 +133,11 @@ class LoadPath(Tabular):
             f"path of {self.mechanism.title} under {self.load}: {len(self.factor)} equilibria, "
             f"factor {self.factor[0]:.6g} to {self.factor[-1]:.6g}, {name} {values[0]:.6g} to {values[-1]:.6g} {unit}"
         ]
-        words = {"limit": "limit point: snap-through", "branch": "branch point: buckling"}
+        texts = {"limit": "limit point: snap-through", "branch": "branch point: buckling"}
         lines += [f"  begins on {name}" for name, force in self.contacts.items() if force[0]]
-        words |= {"contact": "{} closes", "separation": "{} opens"}
+        texts |= {"contact": "{} closes", "separation": "{} opens"}
         lines += [
-            f"  {words[e.kind].format(e.contact)} at factor {e.factor:.12g}{_several(e)}"
+            f"  {texts[e.kind].format(e.contact)} at factor {e.factor:.12g}{_several(e)}"
             f"{', where the load reverses' * (e.reverses and bool(e.contact))}"
             for e in self.critical
         ]
@@ -167,15 +167,15 @@ def load_path(
 
         0 = f(t, q, v) + (p - 1) f_load + G^T lam,   0 = g(t, q)
 
-    by continuation in arclength, so that p may reverse at limit points. It may rest on stops, ropes and planes, which
-    close and open along the path and press wherever they are closed. Source: Keller, Numerical solution of
+    by continuation in arclength, so that p may reverse at limit points. Stops, ropes and planes may support the
+    mechanism; they close and open along the path, with compressive forces. Source: Keller, Numerical solution of
     bifurcation and nonlinear eigenvalue problems (1977).
 
     Args:
         mech: the mechanism, or an argument of `mbdae.load`.
         load: the scaled force, without states, or gravity.
-        span: the first and the last factor on it.
-        q: where the search for the first equilibrium starts, see `mbdae.equilibrium`; so t, v and hold.
+        span: the first and the last factor on the load.
+        q: start of the search for the first equilibrium, see `mbdae.equilibrium`, also for t, v and hold.
         t: time in s.
         v: constant speeds.
         hold: joints to lock.
@@ -193,13 +193,14 @@ def load_path(
     if len(span) != 2 or not all(map(is_number, span)) or span[0] == span[1]:
         raise InputError(f"{SPAN}, got {span!r:.60}")
     first, last = (float(x) for x in span)
-    q0, speeds, held, _ = complete_arguments(mech, q, t, v, hold)
-    rest = find_equilibrium_on_contacts(mech, t, speeds, held, q0, "stable", [load], first)
+    q0, speeds, locked, _ = complete_arguments(mech, q, t, v, hold)
+    equilibrium = find_equilibrium_on_contacts(mech, t, speeds, locked, q0, "stable", [load], first)
     contacts = Contacts(mech, t)
-    if not len(rest.balance.rho) and not contacts.switches:
+    if not len(equilibrium.balance.rho) and not contacts.switches:
         raise InputError(f"{mech.title!r} has no degree of freedom left: nothing moves with the load")
-    continuation = Continuation(rest.statics, ContactMode(contacts, rest.closed), [load], first, last - first)
-    points, critical, complete = continuation.run(rest.balance)
+    mode = ContactMode(contacts, equilibrium.closed)
+    continuation = Continuation(equilibrium.statics, mode, [load], first, last - first)
+    points, critical, complete = continuation.run(equilibrium.balance)
     unstable = [curvature(p.balance.H, p.balance.noise).negative for p in points]
     factor, q = np.array([first + (last - first) * p.u for p in points]), np.array([p.balance.q for p in points])
     potential = all(p.curvature is not None for p in points)
@@ -208,6 +209,6 @@ def load_path(
 
 
 def _normal_forces(contacts: Contacts, lam: Array) -> dict[str, Array]:
-    """Return the normal forces of the contacts that carry any along multipliers (n, ng), by name, (n,) each."""
+    """Return the nonzero normal forces of contacts for multipliers (n, ng), by name, (n,) each."""
     normal = [contacts.normal_forces(row) for row in lam]
     return {s.name: x for s, x in zip(contacts.switches, np.transpose(normal), strict=True) if x.any()}

@@ -14,12 +14,13 @@ class CriticalPoint(NamedTuple):
     Attributes:
         kind: ``"limit"``: the load has an extremum; ``"branch"``: paths intersect; ``"contact"``, ``"separation"``: a
             contact closes or opens.
-        factor: on the load.
+        factor: factor on the load.
         q: configuration, (nq,).
         shapes: M-orthonormal motions dq without stiffness, (m, nv): at a branch point the buckling shapes, which span
-            the directions of the other paths. m is the multiplicity; 0 at a branch point of forces without a potential.
+            the directions of intersecting paths. m is the multiplicity; 0 at a branch point of forces without a
+            potential.
         contact: name of the contact that changes.
-        reverses: whether the load reverses there.
+        reverses: whether the load reverses at the point.
     """
 
     kind: str
@@ -46,9 +47,9 @@ class PathPoint(NamedTuple):
     Attributes:
         u: the fraction of the factor's range.
         balance: the force balance.
-        dq, du: the tangent.
+        dq, du: tangent of the path.
         curvature: eigenvalues of H and their signs; None for forces without a potential.
-        sign: of the determinant of the corrector's matrix.
+        sign: sign of the determinant of the corrector's matrix.
     """
 
     u: float

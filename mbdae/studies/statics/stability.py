@@ -13,7 +13,7 @@ from ...system import Array
 from ...tolerances import COARSE
 from .trust_region import symmetric, symmetric_part
 
-PERTURBATION = 1e-2  # rad or characteristic lengths: a neighbouring pose
+PERTURBATION = 1e-2  # distance of a neighbouring pose in rad or characteristic lengths
 RANK_DROP = COARSE  # fraction of the smallest singular value at a neighbouring pose, below which the rank has dropped
 
 
@@ -26,7 +26,7 @@ class Verdict:
         unstable: number of unstable motions.
         neutral: number of motions without stiffness and growth.
         squares: generalized eigenvalues of stiffness and mass matrix, 1/s^2, in ascending order, (k,).
-        by: ``"stiffness"`` or ``"eigenvalues"`` of the linearized motion, where damping, states or speeds matter.
+        by: criterion: ``"stiffness"``, or ``"eigenvalues"`` of the linearized motion with damping, states or speeds.
     """
 
     stability: str
@@ -58,7 +58,7 @@ class Verdict:
 
 
 def _motions(n: int, kind: str) -> str:
-    """Return a number of motions in words. Wheels without slip have more free displacements than degrees of freedom."""
+    """Return a number of motions in words; rolling wheels have more free displacements than degrees of freedom."""
     return f"{n} {kind} motion{'s' if n != 1 else ''}"
 
 
@@ -79,16 +79,16 @@ def verdict(statics: Statics, balance: ForceBalance) -> Verdict:
     potential = symmetric(balance.H, balance.noise) and not len(balance.s)
     gyroscopic, dissipates = not symmetric(C, bound), not curvature(C, bound).negative
     if potential and dissipates and (not gyroscopic or (stiffness.signs > 0).all()):
-        return _classified(stiffness.negative, stiffness.flat, w, "stiffness")
+        return _classify(stiffness.negative, stiffness.flat, w, "stiffness")
     growing = spectrum(motion.A, motion.noise).growing
-    return _classified(int(growing.sum()), _zero_modes(motion), w, "eigenvalues")
+    return _classify(int(growing.sum()), _zero_modes(motion), w, "eigenvalues")
 
 
 def _zero_modes(motion: LinearMotion) -> int:
     """Return the number of independent displacements y in ker A, without ker A[:, k:].
 
-    An undamped one has a Jordan chain of length 2 of the eigenvalue 0, a damped one a single 0. Null vectors
-    without a displacement are states that do not affect the motion.
+    An undamped displacement has a Jordan chain of length 2 of the eigenvalue 0, a damped one a single eigenvalue 0.
+    Null vectors without a displacement are states that do not affect the motion.
     """
     k = motion.positions.shape[1]
     velocity_null = null_space(motion.A[:, k:], motion.noise[:, k:])
@@ -96,7 +96,7 @@ def _zero_modes(motion: LinearMotion) -> int:
 
 
 def loses_rank(statics: Statics, balance: ForceBalance) -> bool:
-    """Return whether the closures have a higher rank in a neighbouring pose than here."""
+    """Return whether the rank of the closures is higher in a neighbouring pose."""
     Z, system = balance.free.Z, statics.system
     if not Z.shape[1] or not system.ng:
         return False
@@ -112,5 +112,5 @@ def loses_rank(statics: Statics, balance: ForceBalance) -> bool:
     return len(neighbour.S) > len(balance.free.S) or balance.free.smallest < RANK_DROP * neighbour.smallest
 
 
-def _classified(unstable: int, neutral: int, w: Array, by: str) -> Verdict:
+def _classify(unstable: int, neutral: int, w: Array, by: str) -> Verdict:
     return Verdict("unstable" if unstable else "neutral" if neutral else "stable", unstable, neutral, w, by)

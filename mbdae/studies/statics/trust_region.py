@@ -22,16 +22,16 @@ from ...system import Array
 if TYPE_CHECKING:
     from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
 
-START, MAX_RADIUS, MIN_RADIUS = 0.3, 1.5, tol.SOLUTION_ROUNDING  # rad or slides: trust radius
-SLIDES = 5.0  # characteristic lengths per unit: forces are more nonlinear in rotations than in displacements
-ACCEPTED, GOOD = 0.1, 0.7  # fractions of the predicted work
+START, MAX_RADIUS, MIN_RADIUS = 0.3, 1.5, tol.SOLUTION_ROUNDING  # trust radius in rad, or in units of displacements
+SLIDES = 5.0  # unit of displacements in characteristic lengths: forces are more nonlinear in rotations
+ACCEPTED, GOOD = 0.1, 0.7  # fractions of the predicted work above which a step is accepted, and the radius grows
 NEAR_BALANCE = tol.INTERPOLATION  # fraction of the terms of forces: residual from which Newton's method converges
-NEWTON_STEP = tol.THREE_DIGITS  # rad or slides: Newton's step at an equilibrium
-FLAT = tol.RANK  # regularization sigma without stiffness, relative to the force over the radius
-SYMMETRIC = tol.SAME_STATE  # fraction of the terms of H: difference to its transpose for forces with a potential
-RELAXATIONS, SHORT = 3, 0.5  # steps that relax stiff springs, and their length relative to the step before
-HALVED = 0.5  # fraction of rho: largest residual after a Newton step near equilibrium
-HALVINGS, REDUCTION = 4, 0.9  # halvings of a step to an equilibrium of any kind; largest remaining fraction of rho
+NEWTON_STEP = tol.THREE_DIGITS  # largest length of Newton's step at an equilibrium
+FLAT = tol.RANK  # smallest sigma without stiffness, relative to the force over the radius
+SYMMETRIC = tol.SAME_STATE  # largest asymmetry of H for forces with a potential, over its terms
+RELAXATIONS, SHORT = 3, 0.5  # number of steps that relax stiff springs, and their largest length over the step before
+HALVED = 0.5  # largest ratio of |rho| after and before a Newton step near equilibrium
+HALVINGS, REDUCTION = 4, 0.9  # number of lengths of a step to an equilibrium of any kind; largest ratio of |rho|
 ITERATIONS = 100
 
 
@@ -40,8 +40,8 @@ class TrustRegion:
     """A search from one configuration.
 
     Attributes:
-        statics: the balance.
-        best: the best point.
+        statics: equations of equilibrium.
+        best: the best point so far.
         radius: trust radius.
         iterations: number of trial steps.
     """
@@ -57,7 +57,7 @@ class TrustRegion:
         return self.statics.residual(self.best)
 
     def length(self, balance: "ForceBalance", y: Array) -> float:
-        """Return the length of a motion y, in rad or slides."""
+        """Return the length of a motion y, in rad or units of displacements."""
         return float(np.abs(balance.free.Z @ y / self.units).max(initial=0.0))
 
     @cached_property
@@ -66,7 +66,7 @@ class TrustRegion:
         return self.statics.sizes.l * np.where(translation_components(self.statics.mech.model), SLIDES, 1.0)
 
     def run(self, find: str) -> bool:
-        """Iterate until forces balance, in a minimum unless ``find`` is any; return whether they do."""
+        """Iterate until forces balance, in a minimum unless ``find`` is any; return whether they balance."""
         self.best = self.statics.point(self.statics.project(self.best.q, self.best.s), self.best.s)
         while self.iterations < ITERATIONS and self.radius > MIN_RADIUS:
             if self.residual <= NEAR_BALANCE:
@@ -83,8 +83,8 @@ class TrustRegion:
     def at_rest(self) -> bool:
         """Return whether forces balance to rounding, or nearly so and Newton's step is short."""
         residual = self.residual
-        near = residual <= tol.ITERATION_ROUNDING and self.length(self.best, newton_step(self.best)) <= NEWTON_STEP
-        return near or residual <= CERTAIN * tol.EPS
+        is_near = residual <= tol.ITERATION_ROUNDING and self.length(self.best, newton_step(self.best)) <= NEWTON_STEP
+        return is_near or residual <= CERTAIN * tol.EPS
 
     def lowest(self) -> Array | None:
         """Return the direction y (k,) of the largest aperiodic divergence; None if there is none."""
@@ -100,7 +100,7 @@ class TrustRegion:
         """Take Newton steps as long as they are short and halve rho."""
         while self.iterations < ITERATIONS and self.residual > tol.BELOW_ROUNDING:
             y = newton_step(self.best)
-            trial = self.displaced(y) if 0 < self.length(self.best, y) < START else None
+            trial = self.displace(y) if 0 < self.length(self.best, y) < START else None
             if trial is None or not np.linalg.norm(trial.rho) < HALVED * np.linalg.norm(self.best.rho):
                 return
             self.best = trial
@@ -110,7 +110,7 @@ class TrustRegion:
         rho, H = self.best.rho, self.best.H
         while self.radius > MIN_RADIUS and self.iterations < ITERATIONS:
             y = step(self.best.free.Z / self.units[:, None], H, self.best.noise, rho, self.radius)
-            trial = self.relaxed(self.displaced(y), self.length(self.best, y))
+            trial = self.relax(self.displace(y), self.length(self.best, y))
             predicted = float(rho @ y - y @ H @ y / 2)
             done = self.work(trial) if trial else -np.inf
             if trial and done > ACCEPTED * predicted:
@@ -121,8 +121,8 @@ class TrustRegion:
             self.radius = min(self.radius, self.length(self.best, y)) / 3
         return False
 
-    def relaxed(self, trial: "ForceBalance | None", length: float) -> "ForceBalance | None":
-        """Relax stiff springs, stretched by a step of this length along a curved manifold, by Newton steps."""
+    def relax(self, trial: "ForceBalance | None", length: float) -> "ForceBalance | None":
+        """Relax stiff springs, which a step of this length along a curved manifold has stretched, by Newton steps."""
         for _ in range(RELAXATIONS):
             if trial is None or np.linalg.norm(trial.rho) <= np.linalg.norm(self.best.rho):
                 break
@@ -141,7 +141,7 @@ class TrustRegion:
         rho, y = self.best.rho, newton_step(self.best)
         y *= min(1.0, MAX_RADIUS / max(tol.TINY, self.length(self.best, y)))
         for _ in range(HALVINGS):
-            trial = self.displaced(y)
+            trial = self.displace(y)
             if trial and np.linalg.norm(trial.rho) < REDUCTION * np.linalg.norm(rho):
                 self.best = trial
                 return True
@@ -150,11 +150,11 @@ class TrustRegion:
 
     def leave_saddle(self, low: Array) -> bool:
         """Leave a saddle or a maximum, to the side where forces do positive work."""
-        reach = self.length(self.best, low)
+        length = self.length(self.best, low)
         radius = max(self.radius, START)
         while radius > MIN_RADIUS:
             for sign in (1.0, -1.0):
-                trial = self.displaced(sign * radius / reach * low)
+                trial = self.displace(sign * radius / length * low)
                 if trial and self.work(trial) > 0:
                     self.best, self.radius = trial, radius
                     return True
@@ -166,8 +166,8 @@ class TrustRegion:
         x = self.statics.system.manifold.difference(self.best.q, trial.q)
         return float((self.best.f + trial.f) @ x / 2)
 
-    def displaced(self, y: Array) -> "ForceBalance | None":
-        """Return the balance at q (+) Z y, closed; None if loops cannot be closed. Counts an iteration."""
+    def displace(self, y: Array) -> "ForceBalance | None":
+        """Return the balance at q (+) Z y with closed loops; None if they cannot be closed. Count an iteration."""
         self.iterations += 1
         return self.at(self.best, y)
 
@@ -205,10 +205,10 @@ def step(Z: Array, H: Array, noise: Array, rho: Array, radius: float) -> Array:
     R_inverse = np.linalg.inv(R)
     size = np.abs(R_inverse)
     H, noise = R_inverse.T @ H @ R_inverse, size.T @ noise @ size
-    return R_inverse @ shortened(Z, H, noise, R_inverse.T @ rho, radius)
+    return R_inverse @ constrained_step(Z, H, noise, R_inverse.T @ rho, radius)
 
 
-def shortened(Z: Array, H: Array, noise: Array, rho: Array, radius: float) -> Array:
+def constrained_step(Z: Array, H: Array, noise: Array, rho: Array, radius: float) -> Array:
     """Return the step y = (H + sigma)^-1 rho of `step` for orthonormal columns of Z."""
     w, Q = symmetric_part(H)
     size = np.abs(w).max()
@@ -238,10 +238,10 @@ def shortened(Z: Array, H: Array, noise: Array, rho: Array, radius: float) -> Ar
             y = y + e * (radius - np.abs(Z @ y).max()) / np.abs(Z @ e).max()
         return y
     high = max(low, np.linalg.norm(rho) * np.abs(Z).max() / radius * len(rho), size)
-    return at(_bisected(length, radius, low, high))
+    return at(_bisect(length, radius, low, high))
 
 
-def _bisected(length: Callable[[float], float], radius: float, low: float, high: float) -> float:
+def _bisect(length: Callable[[float], float], radius: float, low: float, high: float) -> float:
     """Return sigma, to a tenth, with length(sigma) <= radius < length(low); ``high`` grows until it satisfies that."""
     while length(high) > radius:
         high *= 4

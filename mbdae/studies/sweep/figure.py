@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 COLUMNS = 3
 HEIGHT, MAP_HEIGHT = 2.1, 3.6  # inches of a row of panels, and of a heat map
-DECADES = 100.0  # ratio of the largest and the least value on a logarithmic axis, at least
-FEW_LARGE = 0.25  # largest median of values spread over decades, relative to the largest
+DECADES = 100.0  # smallest ratio of the largest to the smallest value on a logarithmic axis
+FEW_LARGE = 0.25  # largest median of values on a logarithmic axis, over their maximum
 
 
 @fixed_layout
@@ -98,22 +98,22 @@ def _heat_map(sweep: Sweep, y: np.ndarray, values: list[np.ndarray], label: str)
     figure = empty_figure(WIDTH, MAP_HEIGHT)
     ax = figure.subplots()
     ax.grid(visible=False)
-    (x, over), (y, up) = (_axis(sweep, n, x) for n, x in zip(sweep.parameters, values, strict=True))
+    (x, x_label), (y, y_label) = (_axis(sweep, n, x) for n, x in zip(sweep.parameters, values, strict=True))
     edges = [_cell_edges(ax.xaxis, x), _cell_edges(ax.yaxis, y)]
     figure.colorbar(ax.pcolormesh(*edges, table.T), label=label)
-    ax.set_xlabel(over)
-    ax.set_ylabel(up)
+    ax.set_xlabel(x_label)
+    ax.set_ylabel(y_label)
     return figure
 
 
 def _axis(sweep: Sweep, parameter: str, values: np.ndarray) -> tuple[np.ndarray, str]:
-    """Return values of a parameter as they are shown, and the label of their axis."""
+    """Return values of a parameter in display units, and the label of their axis."""
     x, unit = displayed(values, sweep.meta.get("units", {}).get(parameter, ""))
     return x, escaped(f"{parameter} ({unit})" if unit else parameter)
 
 
 def _over_decades(x: np.ndarray) -> bool:
-    """Return whether values are spread over decades, as those of a geometric series."""
+    """Return whether values span decades and most are small, as in a geometric series."""
     large = x.max()
     return bool(x.min() > 0 and large >= DECADES * x.min() and np.quantile(x, 0.5, method="lower") <= FEW_LARGE * large)
 

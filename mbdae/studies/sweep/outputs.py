@@ -43,7 +43,7 @@ class ParsedOutput(NamedTuple):
     signal: str
 
     def unit(self, known: Mapping[str, str]) -> str:
-        """Return its unit, from those of signals by name: an integral is over time."""
+        """Return the unit of the output from the units of signals by name: an integral is over time."""
         unit = known[self.signal]
         return substituted("x s", {"x": unit}) if self.reduction == "integral" and "," not in unit else unit
 
@@ -75,13 +75,13 @@ def check(known: Mapping[str, str], outputs: Sequence[Output], timed: bool) -> N
             if not callable(output):
                 raise InputError(f"an output is a text or a function of the solution, got {output!r:.60}")
             continue
-        wanted = parse(output)
-        first, _, rest = wanted.signal.partition(" ")
-        if wanted.signal not in known and rest in known:
+        parsed = parse(output)
+        first, _, rest = parsed.signal.partition(" ")
+        if parsed.signal not in known and rest in known:
             raise UnknownNameError("reduction", first, REDUCTIONS)
-        if wanted.signal not in known:
-            raise UnknownNameError("signal", wanted.signal, known)
-        if wanted.reduction is None and not timed:
+        if parsed.signal not in known:
+            raise UnknownNameError("signal", parsed.signal, known)
+        if parsed.reduction is None and not timed:
             raise InputError(f"output {output!r} needs times=, or a reduction as in 'max {output}'")
     if len(set(outputs)) < len(outputs):
         raise InputError(f"an output is given twice: {', '.join(map(label, outputs))}")
@@ -97,36 +97,36 @@ def evaluate(
 ) -> tuple[dict[str, float], dict[str, Array], dict[str, float]]:
     """Return the outputs of a run: scalars, signals at ``n`` times (nan after its end), results of functions.
 
-    Signals that only other runs have, of more bodies for instance, are left out.
+    Signals that the mechanism of the run does not have are omitted; those of other runs may have more bodies, say.
 
     Raises:
         InputError: for a function that fails, or does not return a table of numbers.
     """
-    wanted = [w for x in outputs if isinstance(x, str) and (w := parse(x)).signal in units(sol.mechanism)]
-    found = signals(sol, [w.signal for w in wanted if w.reduction in (None, "final")])
-    numbers = _reduced(sol, wanted, found)
-    samples = {w.text: np.full(n, np.nan) for w in wanted if w.reduction is None and n is not None}
+    parsed = [p for x in outputs if isinstance(x, str) and (p := parse(x)).signal in units(sol.mechanism)]
+    found = signals(sol, [p.signal for p in parsed if p.reduction in (None, "final")])
+    numbers = _reduced_values(sol, parsed, found)
+    samples = {p.text: np.full(n, np.nan) for p in parsed if p.reduction is None and n is not None}
     for text, values in samples.items():
         values[: len(sol.t)] = found[parse(text).signal]
-    return numbers, samples, _computed(sol, [x for x in outputs if not isinstance(x, str)])
+    return numbers, samples, _function_results(sol, [x for x in outputs if not isinstance(x, str)])
 
 
-def _reduced(sol: Solution, wanted: Sequence[ParsedOutput], found: Mapping[str, Array]) -> dict[str, float]:
+def _reduced_values(sol: Solution, parsed: Sequence[ParsedOutput], found: Mapping[str, Array]) -> dict[str, float]:
     """Return the scalar outputs; ``found`` has the signals of final values."""
-    extremes = extrema(sol, [w.signal for w in wanted if w.reduction in EXTREMA])
-    integrated = integrals(sol, [w.signal for w in wanted if w.reduction in Integrals._fields])
+    extremes = extrema(sol, [p.signal for p in parsed if p.reduction in EXTREMA])
+    integrated = integrals(sol, [p.signal for p in parsed if p.reduction in Integrals._fields])
     numbers = {}
-    for w in wanted:
-        if w.reduction in EXTREMA:
-            numbers[w.text] = EXTREMA[w.reduction](extremes[w.signal])
-        elif w.reduction in Integrals._fields:
-            numbers[w.text] = getattr(integrated[w.signal], w.reduction)
-        elif w.reduction:
-            numbers[w.text] = float(found[w.signal][-1])
+    for p in parsed:
+        if p.reduction in EXTREMA:
+            numbers[p.text] = EXTREMA[p.reduction](extremes[p.signal])
+        elif p.reduction in Integrals._fields:
+            numbers[p.text] = getattr(integrated[p.signal], p.reduction)
+        elif p.reduction:
+            numbers[p.text] = float(found[p.signal][-1])
     return numbers
 
 
-def _computed(sol: Solution, functions: Sequence[Function]) -> dict[str, float]:
+def _function_results(sol: Solution, functions: Sequence[Function]) -> dict[str, float]:
     """Return the results of all functions as one table."""
     out: dict[str, float] = {}
     for function in functions:
@@ -143,5 +143,6 @@ def _call(function: Function, sol: Solution) -> dict[str, float]:
         result = function(sol)
         return {str(key): float(value) for key, value in result.items()}
     except Exception as e:
-        why = str(e) if isinstance(e, MbdaeError) else f"{type(e).__name__}: {e}"
-        raise InputError(f"output {name!r}, a function of the solution that returns a table of numbers: {why}") from e
+        reason = str(e) if isinstance(e, MbdaeError) else f"{type(e).__name__}: {e}"
+        expected = "a function of the solution that returns a table of numbers"
+        raise InputError(f"output {name!r}, {expected}: {reason}") from e

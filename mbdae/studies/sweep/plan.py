@@ -22,7 +22,7 @@ DISTRIBUTIONS = (  # methods of numpy.random.Generator
     "uniform", "normal", "lognormal", "triangular", "choice", "integers", "exponential", "gamma", "beta", "weibull",
 )  # fmt: skip
 RANGE = {"from", "to", "n"}
-MAX_RUNS = 1_000_000  # runs of a sweep, planned before the first one
+MAX_RUNS = 1_000_000  # largest number of runs, all of which are planned before the first one
 BUILTIN = (bool, int, float, str)
 
 
@@ -30,14 +30,14 @@ BUILTIN = (bool, int, float, str)
 class Random:
     """A random sample of parameters.
 
-    Run i draws from numpy's ``SeedSequence(seed, spawn_key=(i, 0))``, parameter by parameter in their order: the values
-    depend on the seed and on i, not on n or on the worker.
+    Run i draws its parameters in order from numpy's ``SeedSequence(seed, spawn_key=(i, 0))``: the values depend on the
+    seed and on i, not on n or on the worker.
 
     Attributes:
         n: number of runs.
         parameters: name = distribution. A distribution is a table with the name of a method of numpy.random.Generator
             and its arguments, ``{"distribution": "normal", "loc": 0.35, "scale": 1e-3}``, or, in Python, a frozen
-            distribution of scipy.stats; other values are common to all runs.
+            distribution of scipy.stats; a value that is neither is common to all runs.
 
     Raises:
         InputError: at the start of the sweep, for an n that is not a positive number, or invalid arguments of a
@@ -65,9 +65,9 @@ class Runs:
     """Runs with the same parameters, as columns.
 
     Attributes:
-        run: their numbers, increasing, k of them.
-        seeds: their seeds, k.
-        columns: values by parameter, k each.
+        run: k numbers of runs, increasing.
+        seeds: k seeds.
+        columns: k values of each parameter, by its name.
     """
 
     run: Sequence[int]
@@ -96,15 +96,15 @@ class Runs:
 
 
 def planned_runs(parameters: Parameters, seed: int) -> list[Runs]:
-    """Return all runs, those with the same parameters together; in a grid the last parameter varies fastest.
+    """Return all runs in groups with the same parameters; in a grid the last parameter varies fastest.
 
     Raises:
-        InputError: for other parameters, or values that a table cannot store.
+        InputError: for parameters that are neither a grid, a list nor a sample, or values that a table cannot store.
         UnknownNameError: for a distribution that does not exist.
     """
     if not is_count(seed, 0):
         raise InputError(f"seed is a whole number, not negative, got {seed!r}")
-    if not all(isinstance(name, str) for name in _named(parameters)):
+    if not all(isinstance(name, str) for name in _parameter_names(parameters)):
         raise InputError(f"parameters are named by texts, got {parameters!r:.60}")
     groups = _columns(parameters, int(seed))
     n = sum(len(run) for run, _ in groups)
@@ -117,7 +117,7 @@ def planned_runs(parameters: Parameters, seed: int) -> list[Runs]:
 def _columns(parameters: Parameters, seed: int) -> list[tuple[Sequence[int], dict[str, Sequence[Any]]]]:
     """Return the numbers of runs with the same parameters, and their values by parameter."""
     if isinstance(parameters, Mapping):
-        axes = {n: _builtin_values(n, _listed(n, values)) for n, values in parameters.items()}
+        axes = {n: _builtin_values(n, _axis_values(n, values)) for n, values in parameters.items()}
         _check_number(n := prod(map(len, axes.values())))
         if not n:
             return []
@@ -154,7 +154,7 @@ def _check_number(runs: object) -> None:
         raise InputError(f"a sweep has at most {MAX_RUNS} runs, got {runs}")
 
 
-def _named(parameters: object) -> Iterable[Any]:
+def _parameter_names(parameters: object) -> Iterable[Any]:
     """Return the keys of random values or of runs, which must be names of parameters."""
     if isinstance(parameters, Random):
         return parameters.parameters if isinstance(parameters.parameters, Mapping) else [None]
@@ -189,7 +189,7 @@ def builtin_value(name: str, value: object) -> Any:
     raise InputError(f"parameter {name!r} takes numbers, texts or lists of numbers, got {value!r:.60}")
 
 
-def _listed(name: str, values: object) -> Sequence[Any]:
+def _axis_values(name: str, values: object) -> Sequence[Any]:
     """Return the values of one axis of a grid."""
     if isinstance(values, Mapping) and set(values) == RANGE:
         _check_number(values["n"])

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from .plan import Runs
-from .results_file import SweepFile, joined, results_of
+from .results_file import SweepFile, join_results, results_of
 from .sweep_batch import FinishedRuns
 from .table import Sweep
 
@@ -17,13 +17,13 @@ class ResultCollector:
 
     Args:
         meta: metadata of the table, see `mbdae.Sweep`.
-        path: of the file, whose runs are finished already.
+        path: path of the file, whose runs are not repeated.
         fresh: replace an existing file without reading it.
-        progress: called with the fraction done and a text.
+        progress: called with the completed fraction and a message.
 
     Attributes:
         done: numbers of the finished runs.
-        seconds: wall times of those of this call, by number.
+        seconds: wall times of the runs that finished in this call, by number.
     """
 
     def __init__(self, meta: dict[str, Any], path: Path | None, fresh: bool, progress: Progress | None) -> None:
@@ -35,7 +35,7 @@ class ResultCollector:
     def record(self, batch: Runs, found: Sequence[FinishedRuns]) -> None:
         """Record the results and wall times of completed or failed runs of a batch, and report the progress."""
         if self.file and found:
-            self.file.append(joined([x.results for x in found]))
+            self.file.append(join_results([x.results for x in found]))
         for results, seconds in found:
             self.parts.append(results)
             self.done |= {*results["run"]}
@@ -46,7 +46,7 @@ class ResultCollector:
 
     def finish(self) -> Sweep:
         """Return the table of finished runs; write the file if all are finished."""
-        result = Sweep(joined(self.parts), self.meta, self.seconds, self.path)
+        result = Sweep(join_results(self.parts), self.meta, self.seconds, self.path)
         if self.file and result.complete:
             self.file.finish(result.results)
         return result

@@ -1,7 +1,7 @@
 """The file of a sweep: an Arrow stream of finished runs, which is replaced by a Parquet file when all are finished.
 
-Each run is appended to the stream ``runs.parquet.part`` as a record batch, those that finish together in one write, so
-that all finished runs are readable after a crash. The same sweep resumes from it; an incomplete last batch is removed.
+Each run is appended to the stream ``runs.parquet.part`` as a record batch; runs that finish together are written at
+once. All finished runs are readable after a crash. The same sweep resumes from it; an incomplete last batch is removed.
 """
 
 import json
@@ -28,16 +28,16 @@ class SweepFile:
     """File that stores each run of a sweep when it is finished.
 
     Args:
-        path: of the final Parquet file.
-        kinds: the columns.
+        path: path of the final Parquet file.
+        kinds: kinds of the columns, by name.
         meta: JSON data; its ``"manifest"`` identifies the sweep.
         fresh: replace an existing file without reading it.
 
     Attributes:
-        results: of runs finished earlier.
+        results: results of the runs that the file contains.
 
     Raises:
-        InputError: without pyarrow; for a file of another sweep, another file, one in use, or an unwritable one.
+        InputError: without pyarrow; for a file that has another content, is in use, or cannot be written.
     """
 
     def __init__(self, path: Path, kinds: Kinds, meta: Mapping[str, Any], fresh: bool) -> None:
@@ -85,15 +85,15 @@ class SweepFile:
 
     def _require_same_sweep(self, found: Mapping[str, Any]) -> None:
         expected, stored = self.meta["manifest"], found["manifest"]
-        other = [key for key in expected if expected[key] != stored.get(key)]
-        if other:
+        different = [key for key in expected if expected[key] != stored.get(key)]
+        if different:
             self.close()
             raise InputError(
-                f"{self.path} has another sweep, with other {' and '.join(other)}: give another file, or delete it"
+                f"{self.path} has another sweep, with other {' and '.join(different)}: give another file, or delete it"
             )
 
     def append(self, results: Results) -> None:
-        """Append finished runs, a record batch each."""
+        """Append finished runs, each as a record batch."""
         more = [list(x.items()) for x in results[MORE]]
         batch = arrow().RecordBatch.from_pydict({**results, MORE: more}, self.schema)
         if self._file is None:
@@ -121,11 +121,11 @@ class SweepFile:
 
 
 def results_of(rows: Sequence[Row]) -> Results:
-    """Return the results of runs as columns, of which there are two without any run."""
+    """Return the results of runs as columns; without runs, two empty ones."""
     return {name: [row[name] for row in rows] for name in rows[0]} if rows else {"run": [], MORE: []}
 
 
-def joined(parts: Sequence[Results]) -> Results:
+def join_results(parts: Sequence[Results]) -> Results:
     """Return the results of several parts in the order of their runs."""
     parts = sorted((part for part in parts if len(part["run"])), key=lambda part: part["run"][0])
     out: Results = {name: [*chain.from_iterable(x[name] for x in parts)] for name in (*parts, results_of([]))[0]}
@@ -186,7 +186,7 @@ def _stream(content: bytes, path: Path) -> tuple[Results, dict[str, Any], int]:
             part = reader.read_next_batch().to_pydict()
             parts.append({**part, MORE: [*map(dict, part[MORE])]})
             end = source.tell()
-    return joined(parts), meta, end
+    return join_results(parts), meta, end
 
 
 def _meta(schema: Any, path: Path) -> dict[str, Any]:

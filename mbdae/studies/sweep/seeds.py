@@ -9,10 +9,10 @@ from numpy.random.bit_generator import ISpawnableSeedSequence
 from ...system import Array
 
 PARAMETER_STREAM, SEED_STREAM = 0, 1  # random streams of a run: for its parameters, and for its seed
-POOL = 4  # words of 32 bits
-PCG64_WORDS = 4  # words of 64 bits
-INIT_A, MULT_A = 0x43B0D7E5, 0x931E8875  # to hash entropy
-INIT_B, MULT_B = 0x8B51F9DD, 0x58F38DED  # to hash the pool
+POOL = 4  # number of words of 32 bits in the entropy pool
+PCG64_WORDS = 4  # number of words of 64 bits in the state of PCG64
+INIT_A, MULT_A = 0x43B0D7E5, 0x931E8875  # constants that hash entropy
+INIT_B, MULT_B = 0x8B51F9DD, 0x58F38DED  # constants that hash the pool
 MIX_L, MIX_R = np.uint32(0xCA01F9DD), np.uint32(0x4973F715)
 HALF, LAST_BIT = np.uint32(16), np.uint64(1)
 
@@ -28,7 +28,7 @@ def run_seeds(seed: int, n: int) -> list[int]:
 def run_generators(seed: int, n: int) -> Iterator[np.random.Generator]:
     """Yield ``numpy.random.default_rng(SeedSequence(seed, spawn_key=(i, PARAMETER_STREAM)))`` of n runs i < n."""
     for i, state in enumerate(_states(seed, PARAMETER_STREAM, n, PCG64_WORDS)):
-        known: Any = _KnownState(state, seed, (i, PARAMETER_STREAM))  # numpy takes it, its types do not
+        known: Any = _KnownState(state, seed, (i, PARAMETER_STREAM))  # numpy accepts it, its type annotations do not
         yield np.random.Generator(np.random.PCG64(known))
 
 
@@ -41,12 +41,12 @@ class _KnownState(ISpawnableSeedSequence):
 
     def generate_state(self, n_words: int, dtype: Any = np.uint32) -> Array:
         known = (n_words, dtype) == (PCG64_WORDS, np.uint64)
-        return self.state if known else self._same().generate_state(n_words, dtype)
+        return self.state if known else self._full_sequence().generate_state(n_words, dtype)
 
     def spawn(self, n_children: int) -> list[Any]:
-        return self._same().spawn(n_children)
+        return self._full_sequence().spawn(n_children)
 
-    def _same(self) -> np.random.SeedSequence:
+    def _full_sequence(self) -> np.random.SeedSequence:
         self.sequence = self.sequence or np.random.SeedSequence(self.seed, spawn_key=self.spawn_key)
         return self.sequence
 
@@ -57,21 +57,21 @@ def _states(seed: int, stream: int, n: int, words: int) -> Array:
     The spawn key is the last to be hashed (numpy/random/bit_generator.pyx, after M. E. O'Neill, 2015): all runs share
     the pool of the seed.
     """
-    hashed = POOL * max(POOL, -(-seed.bit_length() // 32))  # hashes that have made this pool, with the next constants
+    hashes = POOL * max(POOL, -(-seed.bit_length() // 32))  # number of hashes in the pool of the seed
     pool = np.tile(np.random.SeedSequence(seed).pool[:, None], n)
     for key in (np.arange(n, dtype=np.uint32), np.full(n, stream, np.uint32)):
         for k in range(POOL):
-            pool[k] = _shifted(pool[k] * MIX_L - _hashed(key, INIT_A, MULT_A, hashed) * MIX_R)
-            hashed += 1
-    halves = [_hashed(pool[k % POOL], INIT_B, MULT_B, k).astype(np.uint64) for k in range(2 * words)]
+            pool[k] = _xor_shift(pool[k] * MIX_L - _hash(key, INIT_A, MULT_A, hashes) * MIX_R)
+            hashes += 1
+    halves = [_hash(pool[k % POOL], INIT_B, MULT_B, k).astype(np.uint64) for k in range(2 * words)]
     return np.column_stack([low | high << np.uint64(32) for low, high in zip(halves[::2], halves[1::2], strict=True)])
 
 
-def _hashed(x: Array, first: int, factor: int, k: int) -> Array:
-    """Return the hashes of words x after k others."""
+def _hash(x: Array, first: int, factor: int, k: int) -> Array:
+    """Return the hashes of words x, with the constants after k earlier hashes."""
     a, b = (np.uint32(first * pow(factor, i, 2**32) % 2**32) for i in (k, k + 1))
-    return _shifted((x ^ a) * b)
+    return _xor_shift((x ^ a) * b)
 
 
-def _shifted(x: Array) -> Array:
+def _xor_shift(x: Array) -> Array:
     return x ^ x >> HALF

@@ -36,8 +36,8 @@ from .table import Sweep, column_kinds
 __all__ = ["sweep"]
 
 Progress = Callable[[float, str], None]
-TRIALS = 50  # numbers of the first runs, and of the others, for one of which a mechanism must be made
-MAX_TIMES = 1_000_000  # times of a run
+TRIALS = 50  # number of first runs, and about that of later ones, of which one must have a valid mechanism
+MAX_TIMES = 1_000_000  # largest number of times of a run
 
 
 def sweep(
@@ -80,17 +80,19 @@ def sweep(
             `mbdae.Random` sample.
         t_span: end, or start and end in s; from 0 to the model's duration when left out.
         outputs: results of each run, see `mbdae.studies.sweep.outputs`: ``"q.slider"`` a signal at the times,
-            ``"final q.slider"``, ``"peak force.wrist pin"``, or functions of the Solution that return a table. Runs
-            whose mechanisms do not have a signal that others have are without this output.
+            ``"final q.slider"``, ``"peak force.wrist pin"``, or functions of the Solution that return a table. A signal
+            that some mechanisms do not have is missing in their runs.
         times: number of equidistant times, or the times, at which signals are taken; the ends of steps when left out.
         path: file of the table, ``.parquet``; needs pyarrow.
-        seed: the seed of a run follows from this one and its number; a model with a parameter ``seed`` gets it.
+        seed: seed of the sweep, which with the number of a run determines its seed; a parameter ``seed`` of the model
+            has that value.
         executor: threads when left out, with the core; else processes. ``"threads"``, ``"processes"`` or any executor
-            of concurrent.futures: that of a Dask client (``client.get_executor()``) or of ``mpi4py.futures``. It gets
-            batches of runs of about `mbdae.studies.sweep.sweep_batch.BATCH_SECONDS`, or of one run.
-        workers: threads or processes; one per processor when left out, those that an executor reports.
+            of concurrent.futures: that of a Dask client (``client.get_executor()``) or of ``mpi4py.futures``. It
+            receives batches of runs that take about `mbdae.studies.sweep.sweep_batch.BATCH_SECONDS`, or single runs.
+        workers: number of threads or processes; when left out one per processor, or the number that an executor
+            reports.
         fresh: do not resume from the file, but replace it.
-        progress: called with the fraction done and a text.
+        progress: called with the completed fraction and a message.
         settings: arguments of `mbdae.solve`.
 
     Returns:
@@ -104,7 +106,7 @@ def sweep(
     """
     if path is not None and not isinstance(path, str | Path):
         raise InputError(f"path is the name of a file, got {path!r:.60}")
-    check_backend = checked_backend if isinstance(executor, Executor) else select_core  # an executor: other machines
+    check_backend = checked_backend if isinstance(executor, Executor) else select_core  # it may use other machines
     check_backend(settings.get("backend", "auto"))
     plan = planned_runs(parameters, seed)
     job = _job(model, t_span, times, outputs, settings)
@@ -131,18 +133,18 @@ def _run(
 
 def _meta(job: Job, plan: Sequence[Runs], mech: Mechanism, known: Mapping[str, str]) -> dict[str, Any]:
     """Return the metadata of a table, see `Sweep`."""
-    wanted = [parse(x) for x in job.outputs if isinstance(x, str)]
-    numbers, samples = ([w.text for w in wanted if bool(w.reduction) is scalar] for scalar in (True, False))
+    parsed = [parse(x) for x in job.outputs if isinstance(x, str)]
+    numbers, samples = ([p.text for p in parsed if bool(p.reduction) is scalar] for scalar in (True, False))
     kinds, swept = column_kinds(plan, numbers, samples), names(plan)
     numeric = [n for n in swept if kinds.get(n) in ("float", "int") and not n.startswith(SOLVE)]
-    of_columns = parameter_units(job.factory, numeric) | {w.text: w.unit(known) for w in wanted}
+    column_units = parameter_units(job.factory, numeric) | {p.text: p.unit(known) for p in parsed}
     return {
         "manifest": _manifest(job, plan, mech),
         "kinds": kinds,
         "parameters": swept,
         "outputs": numbers,
         "samples": samples,
-        "units": {name: unit for name, unit in of_columns.items() if unit},
+        "units": {name: unit for name, unit in column_units.items() if unit},
     }
 
 
@@ -193,13 +195,13 @@ def _checked(job: Job, plan: Sequence[Runs]) -> Mechanism:
     check_settings(sorted(name.removeprefix(SOLVE) for name in names(plan) if name.startswith(SOLVE)))
     for formulation, method in _methods(job, plan):
         find_method(formulation, method)
-    mech = _first_made(job.factory, plan)
+    mech = _first_mechanism(job.factory, plan)
     if mech.remarks:
         warnings.warn(not_carried_over(mech.title, mech.remarks), stacklevel=3)
     return mech
 
 
-def _first_made(factory: ParametricFactory, plan: Sequence[Runs]) -> Mechanism:
+def _first_mechanism(factory: ParametricFactory, plan: Sequence[Runs]) -> Mechanism:
     """Check the names of all parameters; return the first mechanism that can be made."""
     checked = set[tuple[str, ...]]()
     mech, problem = None, ""
@@ -211,7 +213,7 @@ def _first_made(factory: ParametricFactory, plan: Sequence[Runs]) -> Mechanism:
         try:
             factory.check(values, (f"{SOLVE} ...",))
             checked.add(tuple(values))
-            mech = mech or _made(factory, values)
+            mech = mech or _make(factory, values)
         except UnknownNameError:
             raise
         except Exception as e:
@@ -225,7 +227,7 @@ def _sample(n: int) -> list[int]:
     return [*range(n)[:TRIALS], *range(n)[TRIALS :: max(1, n // TRIALS)]]
 
 
-def _made(factory: ParametricFactory, values: Mapping[str, Any]) -> Mechanism:
+def _make(factory: ParametricFactory, values: Mapping[str, Any]) -> Mechanism:
     try:
         return factory.make(values)
     except UnknownNameError as e:  # a value may be a name, for instance of a frame
@@ -241,16 +243,16 @@ def _methods(job: Job, plan: Sequence[Runs]) -> Iterable[tuple[str, str]]:
             [x or DEFAULTS[key] for x in runs.columns.get(SOLVE + key, [job.settings.get(key)] * n)]
             for key in ("formulation", "method")
         )
-        found |= {repr(both): both for both in zip(*columns, strict=True)}
+        found |= {repr(pair): pair for pair in zip(*columns, strict=True)}
     return found.values()
 
 
 def _manifest(job: Job, plan: Sequence[Runs], mech: Mechanism) -> dict[str, Any]:
     """Return data that identify a sweep; long entries as checksums."""
-    made = describe(mech) if isinstance(job.model, str | Mechanism) else fingerprint(job.model)
+    description = describe(mech) if isinstance(job.model, str | Mechanism) else fingerprint(job.model)
     return {
         "model": model_title(job.model),
-        "mechanism": _checksum(made),
+        "mechanism": _checksum(description),
         "runs": sum(map(len, plan)),
         "parameters": _checksum([[*runs.run, *runs.seeds, [*runs.columns.items()]] for runs in plan]),
         "t_span": job.t_span and list(job.t_span),

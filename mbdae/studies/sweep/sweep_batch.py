@@ -1,6 +1,6 @@
 """Batches of runs of a sweep, for threads, processes and clusters.
 
-Runs with outputs at the end alone are completed in the compiled core, if possible.
+Runs whose outputs are final values are completed in the compiled core, if possible.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,19 +17,19 @@ from ...integrate.run.core_runs import COUNTS, solve_in_core, supports_parameter
 from ...integrate.run.run_setup import prepare_at
 from ...integrate.run.run_state import RunState
 from ...mechanism import Mechanism
-from ..final_signals import signals_at_end, why_not_in_core
+from ..final_signals import reason_not_in_core, signals_at_end
 from ..run_columns import equal_rows
-from ..varied_starts import Begun
+from ..varied_starts import RunStarts
 from ..workers import StopFlag, batch_size
 from .outputs import label, parse
 from .plan import Runs
 from .results_file import MORE, Results, results_of
 from .sweep_run import SOLVE, Job, run, split
 
-MAX_BATCH = 500  # runs
-BATCH_SECONDS = 0.2  # wall time of a batch of several runs: at least ten times what sending them to a cluster takes
-LAST_RUNS = 8  # whose mean time determines the next batch
-FIRST_BATCH, FIRST_PART = 8, 1 / 32  # most runs of a batch before any has finished: runs, and part
+MAX_BATCH = 500  # largest number of runs of a batch
+BATCH_SECONDS = 0.2  # wall time of a batch of several runs: at least ten times that of its transfer to a cluster
+LAST_RUNS = 8  # number of runs whose mean time determines the length of the next batch
+FIRST_BATCH, FIRST_PART = 8, 1 / 32  # largest number, and fraction, of runs in a batch before any has finished
 FINAL = "final"
 
 
@@ -46,7 +46,7 @@ def batches_of(plan: Sequence[Runs], pending: int, seconds: dict[int, float]) ->
     Args:
         plan: the runs.
         pending: number of batches that are submitted at a time.
-        seconds: wall times of finished runs by number, the latest last.
+        seconds: wall times of finished runs by number, in the order in which they finished.
     """
     remaining = sum(map(len, plan))
     first = min(FIRST_BATCH, int(FIRST_PART * remaining / pending))
@@ -62,46 +62,45 @@ def batches_of(plan: Sequence[Runs], pending: int, seconds: dict[int, float]) ->
 
 
 def run_batch(job: Job, batch: Runs, stop: StopFlag | None = None) -> list[FinishedRuns]:
-    """Return the results of a batch; runs that the core cannot complete follow one by one, until a stop."""
+    """Return the results of a batch; runs that the core cannot complete are made one by one, until a stop."""
     flag = stop or StopFlag()
-    found = [*_completed_in_core(job, batch, flag)] if _ends_suffice(job) else []
+    found = [*_completed_in_core(job, batch, flag)] if _needs_final_values_only(job) else []
     done = {*chain.from_iterable(x.results["run"] for x in found)}
     for task in batch.without(done).tasks():
         if flag():
             break
-        of_run, seconds = run(job, task, flag)
-        if of_run["status"] != "interrupted":
-            found.append(FinishedRuns(results_of([of_run]), seconds))
+        row, seconds = run(job, task, flag)
+        if row["status"] != "interrupted":
+            found.append(FinishedRuns(results_of([row]), seconds))
     return found
 
 
-def _ends_suffice(job: Job) -> bool:
-    """Return whether the core may complete the runs of a sweep: signals at their ends are all that is wanted."""
-    final = all(isinstance(x, str) and parse(x).reduction == FINAL for x in job.outputs)
-    return final and job.times is None
+def _needs_final_values_only(job: Job) -> bool:
+    """Return whether all outputs are final values of signals, so that the core may complete the runs."""
+    return job.times is None and all(isinstance(x, str) and parse(x).reduction == FINAL for x in job.outputs)
 
 
 def _completed_in_core(job: Job, batch: Runs, stop: StopFlag) -> Iterator[FinishedRuns]:
-    """Yield the runs that the core completed, up to the first that needs Python: those after it most likely do, too."""
+    """Yield the runs that the core completed, up to the first that needs Python, as later ones probably do, too."""
     for settings, runs in _by_settings(job, batch):
         if settings.get("events"):
             return
         parameters, _ = split(runs.columns, job.factory, runs.seeds)
         for group in job.varied_starts.groups(parameters, len(runs)):
             started = perf_counter()
-            with suppress(MbdaeError), _prepared(job, settings, group.mech) as one:  # `run` has the message
-                if why_not_in_core(one, job.signals):
+            with suppress(MbdaeError), _prepare(job, settings, group.mech) as prepared:  # `run` has the message
+                if reason_not_in_core(prepared, job.signals):
                     return
-                begun = group.begin()
-                if begun.parameters.locations and not supports_parameters_in_place(one.options):
+                starts = group.begin()
+                if starts.parameters.locations and not supports_parameters_in_place(prepared.options):
                     continue
-                results = _run_in_core(job, one, runs, begun, stop)
+                results = _run_in_core(job, prepared, runs, starts, stop)
                 if k := len(results["run"]):
                     yield FinishedRuns(results, (perf_counter() - started) / k)
 
 
 def _by_settings(job: Job, batch: Runs) -> Iterator[tuple[dict[str, Any], Runs]]:
-    """Yield the runs of a batch with equal settings of `mbdae.solve`, and these settings, with those of all runs."""
+    """Yield runs of a batch with equal settings of `mbdae.solve`, and these settings with those of the sweep."""
     names = [name for name in batch.columns if name.startswith(SOLVE)]
     for which in equal_rows(batch.columns, names, len(batch)):
         runs = batch if len(which) == len(batch) else batch.subset(which)
@@ -109,30 +108,31 @@ def _by_settings(job: Job, batch: Runs) -> Iterator[tuple[dict[str, Any], Runs]]
 
 
 @contextmanager
-def _prepared(job: Job, settings: dict[str, Any], mech: Mechanism) -> Iterator[RunState]:
-    """Yield a run before its beginning, without its initial point.
+def _prepare(job: Job, settings: dict[str, Any], mech: Mechanism) -> Iterator[RunState]:
+    """Yield a prepared run without its initial point.
 
     Raises:
         MbdaeError: for invalid settings.
     """
-    given = {name: x for name, x in settings.items() if name != "events"}
+    settings = {name: x for name, x in settings.items() if name != "events"}
     no_point = np.full(mech.nq + mech.nv + len(mech.states) + 1, np.nan)
-    run = prepare_at(mech, RunOptions.from_settings(mech, job.span(mech), given), no_point)
+    run = prepare_at(mech, RunOptions.from_settings(mech, job.span(mech), settings), no_point)
     try:
         yield run
     finally:
         run.release()
 
 
-def _run_in_core(job: Job, one: RunState, runs: Runs, begun: Begun, stop: StopFlag) -> Results:
+def _run_in_core(job: Job, prepared: RunState, runs: Runs, starts: RunStarts, stop: StopFlag) -> Results:
     """Return the results of the runs that the core completed."""
-    found = solve_in_core(one, begun.y, stop.memory, begun.parameters)
-    values = signals_at_end(one, found, job.signals)
+    found = solve_in_core(prepared, starts.y, stop.memory, starts.parameters)
+    values = signals_at_end(prepared, found, job.signals)
     done = np.flatnonzero(found.finished)
-    made = runs.subset(begun.i[done].tolist())
-    common = {"status": "finished", "message": STATUS["finished"], "t": one.options.t1, "backend": one.stepper.backend}
-    k = len(made)
-    columns = {name: [x] * k for name, x in (dict.fromkeys(job.columns) | common).items()} | dict(made.columns)
-    columns |= {"run": made.run, "seed": made.seeds, MORE: [{} for _ in range(k)]}
+    completed = runs.subset(starts.i[done].tolist())
+    common = {"status": "finished", "message": STATUS["finished"], "t": prepared.options.t1}
+    common |= {"backend": prepared.stepper.backend}
+    k = len(completed)
+    columns = {name: [x] * k for name, x in (dict.fromkeys(job.columns) | common).items()} | dict(completed.columns)
+    columns |= {"run": completed.run, "seed": completed.seeds, MORE: [{} for _ in range(k)]}
     columns |= zip(COUNTS, found.counts[done].T.tolist(), strict=True)
     return columns | dict(zip(map(label, job.outputs), values.T.tolist(), strict=True))

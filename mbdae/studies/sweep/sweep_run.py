@@ -37,17 +37,17 @@ FAILURES = {  # statuses of runs without a solution
 
 @dataclass
 class Job:
-    """Data that all runs of a sweep share; sent to other processes.
+    """Data that all runs of a sweep share, and that other processes receive.
 
     Attributes:
         model: a mechanism that was loaded, an argument of `mbdae.load`, or a function that returns a Mechanism.
         t_span: start and end in s; from 0 to the model's duration when None.
-        times: number of equidistant times or the times at which signals are taken; the steps when None.
+        times: number of equidistant times, or the times, at which signals are evaluated; the steps when None.
         outputs: results of each run.
         settings: arguments of `mbdae.solve`.
         runs: number of runs.
         columns: names of the columns of the table.
-        key: identifies the sweep, for caches of its files.
+        key: text that identifies the sweep in a cache of factories.
     """
 
     model: Model
@@ -60,7 +60,7 @@ class Job:
     key: str = ""
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave mechanisms and their factory out of what is sent to other processes."""
+        """Return the data for other processes, without mechanisms and their factory."""
         return {name: x for name, x in vars(self).items() if name not in ("factory", "varied_starts")}
 
     @cached_property
@@ -99,7 +99,7 @@ def split(
 ) -> tuple[Mapping[str, Any], dict[str, Any]]:
     """Return values for the mechanism, with its seed if it has that parameter, and settings of `mbdae.solve`.
 
-    Those of one run, or columns of many runs with their seeds.
+    The values are those of one run, or columns of many runs with their seeds.
     """
     settings, parameters = dict[str, Any](), values
     if any(n.startswith(SOLVE) for n in values):
@@ -117,14 +117,14 @@ def run(job: Job, task: Task, stop: Stop) -> tuple[Row, float]:
     """Run one task; return its row, and its wall time in s. Any failure is a status and a message in the row."""
     started, row = perf_counter(), empty_row(job, task)
     try:
-        row |= _solved(job, task, stop)
+        row |= _solve(job, task, stop)
     except AssemblyError as e:
         row |= {"status": "assembly", "message": str(e)}
     except InputError as e:
         row |= {"status": "input", "message": str(e)}
     except Exception as e:
-        why = str(e) if isinstance(e, MbdaeError) else f"{type(e).__name__}: {e}"
-        row |= {"status": "error", "message": " ".join(why.split())}
+        reason = str(e) if isinstance(e, MbdaeError) else f"{type(e).__name__}: {e}"
+        row |= {"status": "error", "message": " ".join(reason.split())}
     return row, perf_counter() - started
 
 
@@ -133,7 +133,7 @@ def empty_row(job: Job, task: Task) -> Row:
     return {**dict.fromkeys(job.columns), **task.values, "run": task.run, "seed": task.seed, MORE: {}}
 
 
-def _solved(job: Job, task: Task, stop: Stop) -> Row:
+def _solve(job: Job, task: Task, stop: Stop) -> Row:
     values, settings = split(task.values, job.factory, task.seed)
     mech = job.factory.make(values)
     times = job.sample_times(mech)
@@ -154,7 +154,7 @@ def _solved(job: Job, task: Task, stop: Stop) -> Row:
 
 
 def known_signals(job: Job, plan: Sequence[Runs], mech: Mechanism) -> dict[str, str]:
-    """Return signals and their units: those of the first mechanism, and of further ones until all outputs are known.
+    """Return units of signals by name: of the first mechanism, and of further ones until all outputs are known.
 
     Mechanisms that differ only in float-valued parameters have the same signals.
     """
@@ -173,14 +173,14 @@ def known_signals(job: Job, plan: Sequence[Runs], mech: Mechanism) -> dict[str, 
 
 
 def check_settings(
-    settings: Iterable[str], function: Callable[..., Any] = solve, others: Collection[str] = NOT_SETTINGS
+    settings: Iterable[str], function: Callable[..., Any] = solve, excluded: Collection[str] = NOT_SETTINGS
 ) -> None:
-    """Reject names that are not arguments of a function, or are among ``others``.
+    """Reject names that are not arguments of a function, or are among ``excluded``.
 
     Raises:
-        UnknownNameError: lists the valid ones.
+        UnknownNameError: for such a name; lists the valid ones.
     """
-    valid = [name for name in inspect.signature(function).parameters if name not in others]
+    valid = [name for name in inspect.signature(function).parameters if name not in excluded]
     for name in settings:
         if name not in valid:
             raise UnknownNameError(f"setting of {function.__name__}", name, valid)

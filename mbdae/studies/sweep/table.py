@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["Sweep"]
 
 STATE = {"status": "text", "message": "text", "t": "float", **dict.fromkeys(COUNTS, "int"), "backend": "text"}
-MAX_ROWS = 12  # as text
+MAX_ROWS = 12  # largest number of rows in the text
 
 
 @dataclass
@@ -33,13 +33,13 @@ class Sweep(Tabular):
     """The runs of a sweep, in the order of their numbers.
 
     Attributes:
-        results: number ``run``, parameters, ``seed``, ``status``, ``message``, end time ``t`` in s, counts of work,
-            ``backend``, and outputs of the runs, by name; those of an incomplete run are None. Results of functions are
-            tables ``more``.
-        meta: manifest, names of parameters, numbers and signals, and their units, if the file defines them.
+        results: columns by name: number ``run``, parameters, ``seed``, ``status``, ``message``, end time ``t`` in s,
+            counts of work, ``backend``, and outputs of the runs. Outputs of an incomplete run are None. Results of
+            functions are tables ``more``.
+        meta: manifest, names of parameters, of scalar outputs and of signals, and units where they are known.
         seconds: wall time of each run of this call, by number; not a column of the table, which is reproducible bit for
             bit.
-        path: the file, if any.
+        path: path of the file, if any.
     """
 
     results: Results
@@ -129,7 +129,7 @@ class Sweep(Tabular):
         """Return parameters, status and outputs of all runs."""
         names = ["run", *self.parameters, "status", *self.outputs]
         body = ([_text(_value(row, name), self._unit(name)) for name in names] for row in self.rows)
-        return [[self._labelled(name) for name in names], *body]
+        return [[self._column_heading(name) for name in names], *body]
 
     def save(self, path: str | Path) -> None:
         """Write the table as .parquet, atomically and reproducibly, or as .csv, .json, .tex.
@@ -179,20 +179,20 @@ class Sweep(Tabular):
             ]
         for status in dict.fromkeys(row["status"] for row in self.failed):
             row = next(r for r in self.rows if r["status"] == status)
-            words = FAILURES.get(status) or STATUS.get(status, "")
-            lines.append(f"{status}: {words}, for instance run {row['run']}: {row['message']}")
+            reason = FAILURES.get(status) or STATUS.get(status, "")
+            lines.append(f"{status}: {reason}, for instance run {row['run']}: {row['message']}")
         return "\n".join(lines)
 
     def _unit(self, name: str) -> str:
         return self.meta.get("units", {}).get(name, "")
 
-    def _labelled(self, name: str) -> str:
+    def _column_heading(self, name: str) -> str:
         unit = self._unit(name)
         return f"{name} ({unit_name(unit)})" if unit else name
 
     def _summary(self, name: str) -> list[str]:
         x = self[name]
-        x, heading = displayed(x[np.isfinite(x)], self._unit(name))[0], self._labelled(name)
+        x, heading = displayed(x[np.isfinite(x)], self._unit(name))[0], self._column_heading(name)
         if not len(x):
             return [heading, "-", "-", "-", "-"]
         spread = x.std(ddof=1) if len(x) > 1 else 0.0
@@ -226,7 +226,7 @@ def _kind(name: str, values: Sequence[object]) -> str:
 
 
 def _padded(values: Sequence[Any]) -> np.ndarray:
-    """Return signals of runs, (n, times); nan for runs without."""
+    """Return a signal of n runs, (n, times); nan for runs without it."""
     width = max((len(x) for x in values if x is not None), default=0)
     return np.array([np.full(width, np.nan) if x is None else x for x in values]).reshape(len(values), width)
 

@@ -10,7 +10,7 @@
     [random.parameters]
     frame.rod_tip.xyz.0 = { distribution = "normal", loc = 0.35, scale = 1e-3 }
 
-Dotted names may be written as they are, or in quotes if they contain blanks or dots.
+Dotted names need no quotes, unless their parts contain blanks or dots.
 """
 
 import tomllib
@@ -43,16 +43,16 @@ class SweepTable(Table):
 
     Attributes:
         model: a name, or a path relative to the file.
-        end: end time in s; that of the model when left out.
+        end: end time in s; the duration of the model when left out.
         start: start time in s.
         times: number of times, or the times, at which signals are evaluated.
         outputs: results of each run.
-        seed: of the sweep.
+        seed: seed of the sweep, see `mbdae.sweep`.
         executor: threads or processes.
         workers: number of workers.
         settings: arguments of `mbdae.solve`.
         grid: name = list of values, or { from, to, n }: all combinations.
-        run: ``[[run]]`` tables, name = value each.
+        run: tables ``[[run]]``, each with name = value.
         random: a random sample.
     """
 
@@ -117,20 +117,20 @@ def _known_keys(at: Sequence[object]) -> list[str]:
 
 
 def _parameters(table: SweepTable, path: Path) -> Parameters:
-    given = [name for name in ("grid", "run", "random") if getattr(table, name) is not None]
-    if len(given) != 1:
-        got = " and ".join(given) or "none"
-        raise InputError(f"{path}: a sweep takes one of [grid], [[run]] or [random], got {got}")
+    present = [name for name in ("grid", "run", "random") if getattr(table, name) is not None]
+    if len(present) != 1:
+        found = " and ".join(present) or "none"
+        raise InputError(f"{path}: a sweep takes one of [grid], [[run]] or [random], got {found}")
     if table.random is not None:
         return Random(table.random.n, dotted(table.random.parameters))
     return dotted(table.grid) if table.grid is not None else [dotted(run) for run in table.run or ()]
 
 
-def dotted(table: Mapping[str, object], above: str = "") -> dict[str, Any]:
+def dotted(table: Mapping[str, object], prefix: str = "") -> dict[str, Any]:
     """Return nested tables as one table of dotted names; distributions and ranges are values."""
     out: dict[str, Any] = {}
     for key, value in table.items():
-        name = f"{above}{key}"
+        name = f"{prefix}{key}"
         if isinstance(value, Mapping) and "distribution" not in value and set(value) != RANGE:
             out |= dotted(value, f"{name}.")
         else:

@@ -1,1 +1,1 @@
-"""Equilibria, what holds them, and how they move with a load."""
+"""Tolerance analysis: effects of deviations of dimensions and of clearances."""

@@ -1,8 +1,9 @@
 """Clearances of joints and closures: displacements of length at most c in the directions that a joint locks.
 
-A closure's clearance displaces its rows in m; that of a joint of the tree displaces the origin of its child body in the
-parent body. Displacements D x of the rows can be assembled where N^T D x = 0 with the left null space N of G: other
-ones open closures that depend on each other. Source: Haug, Computer Aided Kinematics and Dynamics (1989), 9.4.
+A clearance of a closure displaces its rows in m; a clearance of a joint of the tree displaces the origin of its child
+body in the parent body. The mechanism can be assembled with displacements D x of the rows if N^T D x = 0, where N is
+the left null space of G; otherwise closures that depend on each other open.
+Source: Haug, Computer Aided Kinematics and Dynamics (1989), 9.4.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -21,7 +22,7 @@ from ...tolerances import RANK
 from ..kinematics.curve_derivatives import CurveSignals
 from ..kinematics.result import Kinematics
 
-SLIDING = ("P", "Translation", "FreeFlyer", "Helical")  # beginnings of the kinds of joints whose bodies slide
+SLIDING = ("P", "Translation", "FreeFlyer", "Helical")  # first letters of the kinds of joints whose bodies slide
 
 
 class Displacements(NamedTuple):
@@ -41,7 +42,7 @@ class Displacements(NamedTuple):
         Args:
             i: index of the pose.
             null: left null space of G with rows divided by their scales, (ng, d).
-            scales: of the rows, (ng,).
+            scales: scales of the rows, (ng,).
         """
         if not null.shape[1]:
             return np.eye(self.rows.shape[2])
@@ -53,7 +54,7 @@ def displacements(signals: CurveSignals, names: Iterable[str]) -> dict[str, Disp
     """Return the displacements of joints and closures by name; a closure has precedence over a joint of its name.
 
     Raises:
-        UnknownNameError: for a name that is neither.
+        UnknownNameError: for any other name.
         InputError: for a closure without rows in m, or a sliding joint.
     """
     mech, found = signals.parameters.mech, {}
@@ -62,7 +63,7 @@ def displacements(signals: CurveSignals, names: Iterable[str]) -> dict[str, Disp
         if name in closures:
             found[name] = _of_closure(signals, mech, name)
         elif name in joints:
-            found[name] = _of_joint(signals.found, mech, name)
+            found[name] = _of_joint(signals.curve, mech, name)
         else:
             raise UnknownNameError("joint or closure", name, [*closures, *joints])
     return found
@@ -72,7 +73,7 @@ def _of_closure(signals: CurveSignals, mech: Mechanism, name: str) -> Displaceme
     rows = [i for i in mech.rows_of(name) if mech.row_units[i] == "m"]
     if not rows:
         raise InputError(f"closure {name!r} has no rows in m: it has no clearance")
-    D = np.broadcast_to(np.eye(mech.ng)[:, rows], (len(signals.found.u), mech.ng, len(rows)))
+    D = np.broadcast_to(np.eye(mech.ng)[:, rows], (len(signals.curve.u), mech.ng, len(rows)))
     return Displacements(D, lambda output: -signals.reactions(output)[:, rows])
 
 

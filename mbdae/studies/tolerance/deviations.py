@@ -19,12 +19,12 @@ class Contribution(NamedTuple):
     """Contribution of one parameter or clearance to the deviations of a signal, in the pose of the largest worst case.
 
     Attributes:
-        name: parameter, joint or closure.
-        size: its tolerance or clearance.
+        name: name of the parameter, joint or closure.
+        size: tolerance or clearance.
         influence: derivative of the signal; for a clearance |lam|.
-        worst: |influence| size.
-        share: of the worst case.
-        variance_share: of the variance, of first order.
+        worst: contribution to the worst case, |influence| size.
+        share: fraction of the worst case.
+        variance_share: fraction of the first-order variance.
     """
 
     name: str
@@ -42,13 +42,13 @@ class Deviations:
     Attributes:
         curve: the nominal poses.
         signals: names of the signals.
-        units: their units by name.
-        tolerances: by parameter, k of them.
-        clearances: by joint or closure, c of them.
+        units: units of the signals by name.
+        tolerances: k tolerances by parameter.
+        clearances: c clearances by joint or closure.
         sigmas: number of standard deviations in a tolerance.
         influences: derivatives, see `Influences`.
         hessians: second derivatives with respect to the parameters, (m, n, k, k); None without ``second_order``.
-        left_out: parameters of patterns that open redundant closures.
+        left_out: names from patterns that are omitted, since they open redundant closures.
         parameter_units: units of parameters by name; "" if unknown.
     """
 
@@ -70,7 +70,7 @@ class Deviations:
 
     @cached_property
     def standard_deviations(self) -> Array:
-        """Of each parameter, and of each clearance along one of its directions, in each pose, (n, k + c)."""
+        """Standard deviations of parameters, and of clearances along one of their directions, by pose, (n, k + c)."""
         by_axis = np.array(list(self.clearances.values())) / np.sqrt(np.maximum(self.influences.directions, 1))
         return np.hstack([np.tile(self._sigma, (len(by_axis), 1)), by_axis])
 
@@ -96,7 +96,7 @@ class Deviations:
 
     @cached_property
     def mean_shift(self) -> Array:
-        """Mean less nominal value, 1/2 sum H_ii sigma_i^2, (m, n).
+        """Mean minus nominal value, 1/2 sum H_ii sigma_i^2, (m, n).
 
         Raises:
             InputError: without ``second_order``.
@@ -105,7 +105,7 @@ class Deviations:
 
     @cached_property
     def second_order_deviation(self) -> Array:
-        """Standard deviation to second order, of the variance plus 1/2 sum (H_ij sigma_i sigma_j)^2, (m, n).
+        """Second-order standard deviation, whose variance has the terms 1/2 sum (H_ij sigma_i sigma_j)^2, (m, n).
 
         Raises:
             InputError: without ``second_order``.
@@ -125,13 +125,13 @@ class Deviations:
 
     @cached_property
     def nonlinearity(self) -> Array:
-        """Estimated relative error of the linear worst case by the distance to a dead point of the drive, (n,).
+        """Relative error of the linear worst case, estimated from the distance to a dead point of the drive, (n,).
 
-        From 0.25 on the mechanism may not reach the input; infinite at dead points and where closures lose rank.
+        Above 0.25 the mechanism may not reach the input. Infinite at dead points and where closures lose rank.
         """
         x, curve = self.influences, self.curve
-        acting = np.linalg.norm(x.along_clearances, axis=-1)
-        alpha = np.concatenate([np.abs(x.along), acting], axis=-1) @ self.sizes
+        by_clearances = np.linalg.norm(x.along_clearances, axis=-1)
+        alpha = np.concatenate([np.abs(x.along), by_clearances], axis=-1) @ self.sizes
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.abs(curve.input_curvature * alpha / curve.speed) / 2
         return np.where(np.isfinite(ratio), ratio, np.inf)
@@ -151,7 +151,7 @@ class Deviations:
         """Return the contributions to a signal in its worst pose, largest first.
 
         Raises:
-            UnknownNameError: for another signal.
+            UnknownNameError: for a signal that was not analysed.
         """
         m, i = self._index(signal), self.worst_pose(signal)
         influence, k = self.magnitudes[m, i].copy(), len(self.tolerances)
@@ -184,12 +184,10 @@ class Deviations:
         with np.errstate(divide="ignore", invalid="ignore"):
             normals = rates[:, ::-1] * [-1.0, 1.0] / np.linalg.norm(rates, axis=1, keepdims=True)
         x = self.influences
-        derivatives, acting = (
-            np.einsum("mnk,nm->nk", x.derivatives[rows], normals),
-            np.einsum("mncw,nm->ncw", x.clearances[rows], normals),
-        )
-        both = _magnitudes(derivatives, acting)
-        return both @ self.sizes, np.linalg.norm(both * self.sizes, axis=-1), normals
+        by_parameters = np.einsum("mnk,nm->nk", x.derivatives[rows], normals)
+        by_displacements = np.einsum("mncw,nm->ncw", x.clearances[rows], normals)
+        magnitudes = _magnitudes(by_parameters, by_displacements)
+        return magnitudes @ self.sizes, np.linalg.norm(magnitudes * self.sizes, axis=-1), normals
 
     def paths(self) -> list[str]:
         """Return the frames with two position signals, whose paths have bands."""

@@ -16,11 +16,11 @@ ENTRIES = ("xyz", "rpy")
 def expand_patterns(make: object, tolerances: Mapping[str, float]) -> tuple[dict[str, float], set[str]]:
     """Return tolerances by full names, and those names that come from patterns.
 
-    A full name has precedence over patterns, a pattern over those before it. Patterns are those of `fnmatch`; they
+    A full name has precedence over patterns, and a pattern over earlier ones. Patterns are those of `fnmatch`; they
     match placements and lengths: ``frame.N.xyz.0``, ``body.N.rpy.2``, ``joint.N.xyz.1``, ``closure.N.length``.
 
     Raises:
-        UnknownNameError: for a pattern that matches no dimension; lists them.
+        UnknownNameError: for a pattern that matches no dimension; lists the dimensions.
     """
     if not isinstance(make, Template):
         return dict(tolerances), set()
@@ -42,9 +42,9 @@ def _dimensions(make: Template) -> Iterator[str]:
     spec = make.spec({})
     parts = zip(spec.file.source, spec.parts, strict=True)
     joints = [f"joint.{source.prefix}{name}" for source, part in parts for name in joint_names(part.model)]
-    placed = [*(f"frame.{x.name}" for x in spec.file.frame), *(f"body.{x.name}" for x in spec.file.body), *joints]
-    for name, entry, i in product(placed, ENTRIES, range(3)):
+    elements = [*(f"frame.{x.name}" for x in spec.file.frame), *(f"body.{x.name}" for x in spec.file.body), *joints]
+    for name, entry, i in product(elements, ENTRIES, range(3)):
         yield f"{name}.{entry}.{i}"
     for closure, key in product(spec.file.closure, CLOSURE_LENGTHS):
-        if isinstance(getattr(closure, key, None), float):  # not radii and semi-axes, which are several
+        if isinstance(getattr(closure, key, None), float):  # not a list of radii or semi-axes
             yield f"closure.{closure.name}.{key}"

@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SMALL = 3.4  # inches: a column of a journal
-BAND = 0.06  # fraction of the extent of a path: largest drawn half-width; deviations are magnified to it
-CUTOFF = 20.0  # times the median worst case: larger values near dead points are not drawn
+SMALL = 3.4  # width in inches, that of a column of a journal
+BAND = 0.06  # largest half-width of a magnified band, as a fraction of the extent of the path
+CUTOFF = 20.0  # largest drawn deviation over the median worst case: it grows without bound towards dead points
 WORST, STATISTICAL = ("0.85", "worst case"), (COLOURS[0], "statistical")
 
 
@@ -43,24 +43,24 @@ def band(found: Tolerance, frame: str) -> "Figure":
 
 def _deviations(ax: "Axes", found: Tolerance, m: int, name: str) -> None:
     """Draw the deviations of a signal, with its contributions."""
-    worst, (unit, over) = found.worst[m], (found.units[name], found.curve.unit)
+    worst, unit, input_unit = found.worst[m], found.units[name], found.curve.unit
     visible = np.where(worst > CUTOFF * np.nanmedian(worst), np.nan, 1.0)
-    sizes, of_parameters = [*found.tolerances, *found.clearances], len(found.tolerances)
-    largest = sorted(sizes.index(x.name) for x in found.contributions(name)[: len(COLOURS) - 1])
-    for first, part in enumerate(found.curve.monotonic_segments):
-        u = displayed(found.curve.u[part], over)[0]
+    names, n_parameters = [*found.tolerances, *found.clearances], len(found.tolerances)
+    largest = sorted(names.index(x.name) for x in found.contributions(name)[: len(COLOURS) - 1])
+    for number, segment in enumerate(found.curve.monotonic_segments):
+        u = displayed(found.curve.u[segment], input_unit)[0]
         for values, (colour, label), alpha in ((worst, WORST, 1.0), (found.statistical[m], STATISTICAL, 0.35)):
-            shown = displayed((visible * values)[part], unit)[0]
-            ax.fill_between(u, -shown, shown, color=colour, alpha=alpha, lw=0, label=None if first else label)
+            shown = displayed((visible * values)[segment], unit)[0]
+            ax.fill_between(u, -shown, shown, color=colour, alpha=alpha, lw=0, label=None if number else label)
         for i, k in enumerate(largest):
-            derivatives = found.influences.derivatives[m, :, k] if k < of_parameters else found.magnitudes[m, :, k]
-            shown = displayed((visible * derivatives * found.sizes[k])[part], unit)[0]
+            derivatives = found.influences.derivatives[m, :, k] if k < n_parameters else found.magnitudes[m, :, k]
+            shown = displayed((visible * derivatives * found.sizes[k])[segment], unit)[0]
             style = curve_style(1 + i)
-            ax.plot(u, shown, label=None if first else escaped(sizes[k]), **style)
-    for at, _ in found.curve.dead_points:
-        ax.axvline(displayed(at, over)[0], color="0.5", lw=0.7, ls=":")
+            ax.plot(u, shown, label=None if number else escaped(names[k]), **style)
+    for u, _ in found.curve.dead_points:
+        ax.axvline(displayed(u, input_unit)[0], color="0.5", lw=0.7, ls=":")
     ax.set_ylabel(escaped(f"{name}\n({unit_name(unit)})"))
-    ax.set_xlabel(escaped(f"{found.curve.drive} ({unit_name(over)})"))
+    ax.set_xlabel(escaped(f"{found.curve.drive} ({unit_name(input_unit)})"))
     legend_right(ax, labelspacing=0.3)
 
 
@@ -79,14 +79,14 @@ def _path(ax: "Axes", found: Tolerance, frame: str) -> None:
     worst, statistical, normals = found.band(frame)
     worst, statistical = (displayed(x, "m")[0] for x in (worst, statistical))
     worst = np.where(worst > CUTOFF * np.nanmedian(worst), np.nan, worst)
-    times = _round_factor(BAND * float(np.ptp(points, axis=0).max() / np.nanmax(worst)))
+    factor = _round_factor(BAND * float(np.ptp(points, axis=0).max() / np.nanmax(worst)))
     for half, (colour, label), alpha in ((worst, WORST, 1.0), (statistical, STATISTICAL, 0.35)):
-        width = times * half[:, None] * normals
+        width = factor * half[:, None] * normals
         outer, inner = points + width, points - width
         strips = np.stack([outer[:-1], outer[1:], inner[1:], inner[:-1]], axis=1)
         strips = strips[np.isfinite(strips).all(axis=(1, 2))]
         ax.add_collection(
-            PolyCollection(list(strips), color=colour, alpha=alpha, lw=0, label=f"{label}, times {times:g}")
+            PolyCollection(list(strips), color=colour, alpha=alpha, lw=0, label=f"{label}, times {factor:g}")
         )
     ax.plot(*points.T, color="0.2", lw=0.8)
     ax.set_aspect("equal", "datalim")

@@ -6,7 +6,7 @@ alpha along the curve, to first order, changes it by the solution of
 
     u' alpha_0 = u' a + u''/2 a^2,    a = alpha_0 (1 - u'' alpha_0/(2 u') + ...)
 
-which has none where 2 |u'' alpha_0/u'| > 1: the mechanism may not reach the input.
+which does not exist if 2 |u'' alpha_0/u'| > 1: the mechanism may not reach the input.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,8 +30,9 @@ class Influences:
         clearances: derivatives with respect to displacements in c joints along w axes, (m, n, c, w), without directions
             that closures exclude, and 0 beyond the axes of a joint.
         directions: number of directions in which a clearance can act, (n, c).
-        along: changes of the pose along the curve by parameters, (n, k), in rad and characteristic lengths.
-        along_clearances: and by displacements, (n, c, w).
+        along: derivatives of the arclength along the curve with respect to parameters, (n, k), in rad and
+            characteristic lengths.
+        along_clearances: derivatives of the arclength with respect to displacements, (n, c, w).
         condition: condition number of the scaled rows, (n,).
     """
 
@@ -48,40 +49,40 @@ def influences(signals: CurveSignals, names: Sequence[str], clearances: Mapping[
     """Return the influences on signals along a curve.
 
     Args:
-        signals: of the curve, with the parameters.
-        names: of the signals.
+        signals: signals of the curve, with the parameters.
+        names: names of the signals.
         clearances: displacements by joint or closure.
     """
-    n, shifts = len(signals.found.u), list(clearances.values())
-    found, poses, w = signals.found, signals.poses, largest_axis_count(shifts)
+    n, shifts = len(signals.curve.u), list(clearances.values())
+    found, poses, w = signals.curve, signals.poses, largest_axis_count(shifts)
     values = np.array([signals[name] for name in names])
     derivatives = np.array([signals.derivative(name) for name in names])
     columns = found.mechanism.coordinate_scales
     dq = -(poses.inverse @ poses.rows) / columns[:, None]
     along = np.einsum("ni,nik->nk", found.tangent / columns, dq)
-    acting = np.zeros((len(names), n, len(shifts), w))
+    by_clearances = np.zeros((len(names), n, len(shifts), w))
     along_clearances, directions = np.zeros((n, len(shifts), w)), np.zeros((n, len(shifts)), int)
     condition, scales, nulls = _rank(signals)
     for c, shift in enumerate(shifts):
-        given = np.array([shift.derivative(name) for name in names])
+        by_axis = np.array([shift.derivative(name) for name in names])
         change = -(poses.inverse @ shift.rows) / columns[:, None]
         for i in range(n):
             Z = shift.free(i, nulls[i], scales)
             width, directions[i, c] = Z.shape
-            acting[:, i, c, :width] = given[:, i] @ Z @ Z.T
+            by_clearances[:, i, c, :width] = by_axis[:, i] @ Z @ Z.T
             along_clearances[i, c, :width] = (found.tangent[i] / columns) @ change[i] @ Z @ Z.T
     singular = ~found.moving | ~(condition < 1 / RANK)
-    for x in (derivatives, acting):
+    for x in (derivatives, by_clearances):
         x[:, singular] = np.nan
         x[np.abs(x) < SOLUTION_ROUNDING] = 0.0
     for x in (along, along_clearances, condition):
         x[singular] = np.nan
-    return Influences(values, derivatives, acting, directions, along, along_clearances, condition)
+    return Influences(values, derivatives, by_clearances, directions, along, along_clearances, condition)
 
 
 def _rank(signals: CurveSignals) -> tuple[Array, Array, list[Array]]:
     """Return the condition in each pose, (n,), the scales of the rows, (ng,), and left null spaces, (ng, d) each."""
-    system, found = signals.parameters.system, signals.found
+    system, found = signals.parameters.system, signals.curve
     scales = system.mechanism.row_scales
     condition, nulls = np.full(len(found.u), np.inf), []
     for i, q in enumerate(found.q):

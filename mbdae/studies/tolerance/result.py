@@ -17,17 +17,17 @@ from .deviations import Contribution, Deviations
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-NONLINEAR = 0.05  # relative error of the linear worst case near a dead point: above, it is reported
-UNREACHABLE = 0.25  # above this fraction of it, the quadratic for the pose has no solution
-SHOWN = NEGLIGIBLE  # fraction of the worst case: smaller contributions are counted in the table
+NONLINEAR = 0.05  # relative error of the linear worst case near a dead point above which it is reported
+UNREACHABLE = 0.25  # relative error above which the quadratic equation for the pose has no solution
+SHOWN = NEGLIGIBLE  # smallest listed contribution, as a fraction of the worst case; smaller ones are counted
 
 
 def signal_units(mech: Mechanism, names: list[str], input_unit: str) -> dict[str, str]:
     """Return the units of signals of a curve; velocities are per unit of the input."""
     known = coordinate_units(mech)
-    per = {n: f"{known[f'q.{n[2:]}']}/{input_unit}" for n in known if n.startswith("v.") and f"q.{n[2:]}" in known}
+    rates = {n: f"{known[f'q.{n[2:]}']}/{input_unit}" for n in known if n.startswith("v.") and f"q.{n[2:]}" in known}
     effort = {HOLDING: "N m" if input_unit == "rad" else "N"}
-    return {name: (known | per | effort).get(name, "m") for name in names}
+    return {name: (known | rates | effort).get(name, "m") for name in names}
 
 
 class Tolerance(Deviations, Tabular):
@@ -41,9 +41,9 @@ class Tolerance(Deviations, Tabular):
 
     def _row(self, signal: str, x: Contribution) -> list[str]:
         """Return the cells of a contribution."""
-        unit, of = self.units[signal], self.parameter_units.get(x.name, "m" if x.name in self.clearances else "")
-        per = (f"{unit}/{of}" if of != unit else "") if of else unit
-        cells = [quantity(x.size, of, ".4g"), quantity(x.influence, per), quantity(x.worst, unit, ".4g")]
+        unit, size_unit = self.units[signal], self.parameter_units.get(x.name, "m" if x.name in self.clearances else "")
+        ratio = (f"{unit}/{size_unit}" if size_unit != unit else "") if size_unit else unit
+        cells = [quantity(x.size, size_unit, ".4g"), quantity(x.influence, ratio), quantity(x.worst, unit, ".4g")]
         return [x.name, signal, *cells, *(f"{100 * share:.1f} %" for share in (x.share, x.variance_share))]
 
     def remarks(self) -> list[str]:
@@ -76,13 +76,13 @@ class Tolerance(Deviations, Tabular):
             listed = ", ".join(f"{displayed(u, self.curve.unit)[0]:.6g}" for u in points)
             out.append(f"dead points of the drive at {listed}: influences grow without bound towards them")
         limits = (
-            (0.25, "the mechanism may not reach the input within its tolerances"),
+            (UNREACHABLE, "the mechanism may not reach the input within its tolerances"),
             (NONLINEAR, f"the linear worst case is wrong by more than {100 * NONLINEAR:.0f} %"),
         )
         for limit, text in limits:
-            near = np.flatnonzero(self.nonlinearity >= limit)
-            if len(near):
-                poses = f"{len(near)} of {len(self.curve.u)} poses, first at {self._at(near[0])}"
+            affected = np.flatnonzero(self.nonlinearity >= limit)
+            if len(affected):
+                poses = f"{len(affected)} of {len(self.curve.u)} poses, first at {self._at(affected[0])}"
                 out.append(f"near dead points {text}: in {poses}")
         return out
 

@@ -1,4 +1,4 @@
-"""Second derivatives of signals with respect to parameters, by differences of the exact first ones."""
+"""Second derivatives of signals with respect to parameters, by differences of exact first derivatives."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -12,7 +12,7 @@ from ...tolerances import RANK
 from ..kinematics.curve_derivatives import CurveSignals
 from ..kinematics.result import Kinematics
 
-SAME_BRANCH = 0.2  # rad or characteristic lengths: poses that tolerances move further are on another branch
+SAME_BRANCH = 0.2  # rad or characteristic lengths, largest displacement by tolerances on the same branch
 Bind = Callable[[Mapping[str, float]], Parameters]
 
 
@@ -21,15 +21,15 @@ def hessians(
 ) -> Array:
     """Return d2(signal)/dp2 in each pose at fixed inputs, (m, n, k, k), symmetric; nan where a pose cannot be closed.
 
-    Central differences over widths h, one standard deviation; loops are closed with the values at p +- h. Their error
-    is of the order of the terms that moments of second order neglect.
+    They are central differences at p +- h, h being one standard deviation, where loops are closed again. Their error
+    is of the order of the terms that second-order moments neglect.
 
     Args:
         found: the curve.
-        names: m signals.
+        names: names of m signals.
         bind: returns parameters with these values, bound to a mechanism whose last driver is the input.
-        values: k parameters.
-        widths: h by parameter.
+        values: values of k parameters.
+        widths: widths h by parameter.
     """
     columns = []
     for name, value in values.items():
@@ -43,8 +43,8 @@ def hessians(
 
 def _derivatives(found: Kinematics, names: Sequence[str], parameters: Parameters) -> Array:
     """Return the derivatives of signals at the inputs of a curve with other parameters, (m, n, k)."""
-    moved, closed = curve_with(found, parameters)
-    signals = CurveSignals(moved, lambda: parameters)
+    changed, closed = curve_with(found, parameters)
+    signals = CurveSignals(changed, lambda: parameters)
     out = np.array([signals.derivative(name) for name in names])
     out[:, ~closed] = np.nan
     return out

@@ -48,8 +48,8 @@ def tolerance(
     clearance. A clearance c displaces a joint by a vector of length c in any direction that it locks. Statistical is
     the root of the sum of squares of the same terms. The variance is sum (do/dp_i sigma_i)^2 + sum c_k^2 |lam_k|^2/r_k
     for normal deviations, sigma_i = t_i/sigmas, and contact in a uniformly distributed direction in r_k dimensions; to
-    second order 1/2 sum (H_ij sigma_i sigma_j)^2 more, and the mean shifts by 1/2 sum H_ii sigma_i^2. Loops of any kind
-    in space are valid, redundant closures included.
+    second order the variance has the further terms 1/2 sum (H_ij sigma_i sigma_j)^2, and the mean shifts by
+    1/2 sum H_ii sigma_i^2. Loops may be spatial, and closures redundant.
     Source: Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems (1989).
 
     Args:
@@ -58,13 +58,13 @@ def tolerance(
         signals: signals of the pose: ``position.<frame>.x``, .y, .z, ``q.<joint>``; ``v.<joint>`` per unit speed of the
             input; ``holding``, the holding effort of the driver.
         parameters: tolerances t by dotted name or pattern, ``frame.rod_tip.xyz.0=5e-5``, ``joint.*.xyz.*=5e-5``: the
-            value deviates by at most t. A name has precedence over patterns, a pattern over those before it. Matched
-            ones that open redundant closures are left out, and reported.
+            value deviates by at most t. A name has precedence over patterns, and a pattern over earlier ones.
+            Parameters from patterns that open redundant closures are omitted, and reported.
         clearances: clearances c in m by joint or closure, ``"wrist pin"=2e-5``.
-        span: the input's range in rad or m; when left out, ``turns`` to both sides of the start pose.
+        span: range of the input in rad or m; when left out, ``turns`` to both sides of the start pose.
         turns: number of full turns, if no span is given.
         hold: joints to lock in place, or at given values: joint=value.
-        points: approximate number of poses.
+        points: approximate number of poses of the curve.
         q: a pose on the requested branch, (nq,); the model's start when left out.
         sigmas: number of standard deviations in a tolerance: t = sigmas sigma.
         second_order: also compute mean shifts and deviations of second order in the parameters.
@@ -80,8 +80,8 @@ def tolerance(
         >>> found = tolerance("slider_crank", "crank", ["position.slider_pin.x"],
         ...                   {"frame.rod_tip.xyz.0": 5e-5}, {"wrist pin": 2e-5})   # doctest: +SKIP
     """
-    sizes, gaps = _positive("tolerance", parameters), _positive("clearance", clearances)
-    _check(sizes, gaps, sigmas)
+    sizes, widths = _positive_sizes("tolerance", parameters), _positive_sizes("clearance", clearances)
+    _check(sizes, widths, sigmas)
     make = factory_of(model)
     sizes, matched = expand_patterns(make, sizes)
     nominal = _nominal(make, sizes, values)
@@ -92,26 +92,26 @@ def tolerance(
         return Parameters(lambda x: driven_mechanism(make.make(x), drive, hold, found.q[0]), changed, backend.load())
 
     bound, left_out = _consistent(bind, nominal, matched, found)
-    along = CurveSignals(found, lambda: bound)
-    names = _require_signals(along, [signals] if isinstance(signals, str) else list(signals))
-    kept = {name: sizes[name] for name in bound.values}
+    curve_signals = CurveSignals(found, lambda: bound)
+    names = _require_signals(curve_signals, [signals] if isinstance(signals, str) else list(signals))
+    tolerances = {name: sizes[name] for name in bound.values}
     H = None
-    if second_order and kept:
-        H = hessians(found, names, bind, bound.values, {name: t / sigmas for name, t in kept.items()})
+    if second_order and tolerances:
+        H = hessians(found, names, bind, bound.values, {name: t / sigmas for name, t in tolerances.items()})
     return Tolerance(
-        found, tuple(names), signal_units(mech, names, found.unit), kept, gaps, float(sigmas),
-        influences(along, names, displacements(along, gaps)), H, left_out,
-        parameter_units(make, kept),
+        found, tuple(names), signal_units(mech, names, found.unit), tolerances, widths, float(sigmas),
+        influences(curve_signals, names, displacements(curve_signals, widths)), H, left_out,
+        parameter_units(make, tolerances),
     )  # fmt: skip
 
 
-def _check(sizes: Mapping[str, float], gaps: Mapping[str, float], sigmas: float) -> None:
+def _check(sizes: Mapping[str, float], widths: Mapping[str, float], sigmas: float) -> None:
     """Require tolerances or clearances, and a positive number of standard deviations.
 
     Raises:
         InputError: for neither, or another number.
     """
-    if not (sizes or gaps):
+    if not (sizes or widths):
         raise InputError("give tolerances of parameters, name = tolerance, or clearances, joint or closure = clearance")
     if not (is_number(sigmas) and sigmas > 0):
         raise InputError(f"sigmas is a positive number, got {sigmas!r:.60}")
@@ -120,15 +120,15 @@ def _check(sizes: Mapping[str, float], gaps: Mapping[str, float], sigmas: float)
 def _nominal(
     make: MechanismFactory, sizes: Mapping[str, float], values: Mapping[str, float] | None
 ) -> dict[str, float]:
-    """Return the values of the parameters with tolerances: the given ones, else those of the model.
+    """Return ``values`` of the parameters with tolerances, or without them those of the model.
 
     Raises:
-        UnknownNameError, InputError: as `named_values`, and for other names.
+        UnknownNameError, InputError: as `named_values`, and for names that differ from those of the tolerances.
     """
     nominal = named_values(make, list(sizes) if values is None else values)
     if nominal.keys() != sizes.keys():
-        others = ", ".join(sorted(nominal.keys() ^ sizes.keys()))
-        raise InputError(f"values and tolerances have different names: {others}")
+        different = ", ".join(sorted(nominal.keys() ^ sizes.keys()))
+        raise InputError(f"values and tolerances have different names: {different}")
     return nominal
 
 
@@ -138,10 +138,10 @@ def _consistent(
     matched: Set[str],
     found: Kinematics,
 ) -> tuple[Parameters, tuple[str, ...]]:
-    """Return the parameters without those of patterns that open redundant closures, and the names of these.
+    """Return the parameters without those from patterns that open redundant closures, and the names of the latter.
 
     Raises:
-        InputError: for one that was named in full.
+        InputError: if a parameter that is named in full opens redundant closures.
     """
     bound, first = bind(nominal), (float(found.u[0]), found.q[0])
     left_out = tuple(name for name in bound.inconsistent(*first) if name in matched)
@@ -151,29 +151,30 @@ def _consistent(
     return bound, left_out
 
 
-def _positive(what: str, given: Mapping[str, float] | None) -> dict[str, float]:
-    """Return tolerances or clearances by name.
+def _positive_sizes(kind: str, sizes: Mapping[str, float] | None) -> dict[str, float]:
+    """Return tolerances or clearances by name as floats.
 
     Raises:
-        InputError: for one that is not a positive number.
+        InputError: for a size that is not a positive number.
     """
-    require(given or {}, Mapping, f"a {what} is name = size")
-    for name, x in (given or {}).items():
+    require(sizes or {}, Mapping, f"a {kind} is name = size")
+    for name, x in (sizes or {}).items():
         if not (is_number(x) and x > 0):
-            raise InputError(f"the {what} of {name!r} is a positive number, got {x!r:.60}")
-    return {name: float(x) for name, x in (given or {}).items()}
+            raise InputError(f"the {kind} of {name!r} is a positive number, got {x!r:.60}")
+    return {name: float(x) for name, x in (sizes or {}).items()}
 
 
-def _require_signals(along: CurveSignals, names: Sequence[str]) -> list[str]:
-    """Return the signals; reject unknown ones with the valid names.
+def _require_signals(curve_signals: CurveSignals, names: Sequence[str]) -> list[str]:
+    """Return the names of the signals, each of which must exist.
 
     Raises:
-        InputError: for no signal, or one twice.
+        UnknownNameError: for an unknown signal; lists the valid ones.
+        InputError: without a signal, or for one that is named twice.
     """
     if not names:
         raise InputError("name at least one signal, as position.FRAME.x or q.JOINT")
     for i, name in enumerate(names):
-        along[name]
+        curve_signals[name]
         if name in names[:i]:
             raise InputError(f"signal {name!r} is named twice")
     return list(names)

@@ -22,11 +22,11 @@ ROWS = ("dot_product_1", "dot_product_2", "distance", "coordinate", "sum")  # ki
 
 
 def linkage(mech: Mechanism, scene: Scene, q: Array, sliders: Sequence[Slider]) -> dict[str, Any] | None:
-    """Return data of a mechanism at q (nq,) for a page that closes its loops; None if some kind or a body is not.
+    """Return data of a mechanism at q (nq,) for a page that closes its loops; None if the page does not support it.
 
-    A joint is given by its parent, its placement there, its transform at q and its motion subspace S: after a step x of
-    its coordinates it is at transform exp(S x). Joints with configuration-dependent axes are expanded, so that S is
-    constant.
+    A joint is described by its parent, its placement there, its transform at q and its motion subspace S: after a step
+    x of its coordinates, its transform is that at q times exp(S x). Joints with configuration-dependent axes are
+    expanded, so that S is constant.
     """
     undriven = Mechanism(mech.model, mech.closures, mech.forces, start=mech.start_values, title=mech.title)
     try:
@@ -42,7 +42,7 @@ def linkage(mech: Mechanism, scene: Scene, q: Array, sliders: Sequence[Slider]) 
         "values": _values(mech, q).tolist(),
         "pairs": [[{"joint": last[a["joint"]], "turn": a["R"], "at": a["p"]} for a in pair] for pair in pairs],
         "rows": rows,
-        "held": [find_joint(mech.model, s.joint).idx_v for s in sliders],
+        "prescribed": [find_joint(mech.model, s.joint).idx_v for s in sliders],
         "curves": [typed_array(np.array([mech.manifold.difference(q, x) for x in s.q]), "float32") for s in sliders],
         "limits": _limits(mech),
         "parts": _attachments(scene, last),
@@ -65,7 +65,7 @@ def _joints(tree: Any, q: Array) -> list[dict[str, Any]]:
 
 
 def _values(mech: Mechanism, q: Array) -> Array:
-    """Return coordinates of joints that have one, (nv,); zero for the others."""
+    """Return the coordinates (nv,) of joints with one coordinate; zero for other joints."""
     out = np.zeros(mech.nv)
     for joint in list(mech.model.joints)[1:]:
         if joint.nv == 1:
@@ -84,11 +84,11 @@ def _limits(mech: Mechanism) -> list[dict[str, Any]]:
 
 
 def _attachments(scene: Scene, last: Sequence[int]) -> list[dict[str, Any]]:
-    """Return parts fixed to joints or between two joints: joints, placements, and lengths at which they are drawn."""
-    both = zip(scene.shapes, scene.anchors, strict=True)
-    on = [(anchors, shape.size[1] if len(anchors) == 2 else 0.0) for shape, anchors in both]
+    """Return the parts on one joint or between two: joints, placements, and the lengths with which they are drawn."""
+    shapes = zip(scene.shapes, scene.anchors, strict=True)
+    attached = [(anchors, shape.size[1] if len(anchors) == 2 else 0.0) for shape, anchors in shapes]
     for s in scene.springs:
-        on += [((s.first, s.second), s.length)] * (s.coil + 2 * s.tube)
+        attached += [((s.first, s.second), s.length)] * (s.coil + 2 * s.tube)
     return [
         {
             "path": node_path(part.name),
@@ -96,7 +96,7 @@ def _attachments(scene: Scene, last: Sequence[int]) -> list[dict[str, Any]]:
             "kind": part.name.rpartition(" ")[2] if part.name.startswith("spring/") else "link",
             "length": length,
         }
-        for part, (anchors, length) in zip(drawables(scene), on, strict=True)
+        for part, (anchors, length) in zip(drawables(scene), attached, strict=True)
         if len(anchors) == 2 or anchors[0][0]
     ]
 

@@ -74,10 +74,10 @@ class View:
         reached = np.concatenate([start, *(s.q for s in self.sliders)])
         scene = self.mechanism.scene.for_motion(reached)
         linked = linkage(self.mechanism, scene, self.q, self.sliders) if len(self.sliders) > 1 else None
-        own, moved = motions(scene, start), {s.joint: motions(scene, s.q) for s in self.sliders}
+        at_start, by_joint = motions(scene, start), {s.joint: motions(scene, s.q) for s in self.sliders}
         payload = {
-            **scene_data(scene, self.mechanism.model, own, np.zeros(1), reached),
-            "choices": selectable_clips(drawables(scene), own, moved),
+            **scene_data(scene, self.mechanism.model, at_start, np.zeros(1), reached),
+            "choices": selectable_clips(drawables(scene), at_start, by_joint),
             "frames": 1,
             **{"start": 0.0, "end": 1.0, "speed": 1.0},
             "gaps": tracks.closure_gaps(scene, reached),
@@ -91,15 +91,15 @@ class View:
     def _note(self, linked: bool) -> str:
         mech = self.mechanism
         several = [n for n in mech.joint_names if find_joint(mech.model, n).nv > 1]
-        parts = []
+        sentences = []
         if len(self.sliders) > 1:
             single = "One coordinate moves at a time, the others are at the model's start."
             together = "Coordinates keep their values; the page closes the loops."
-            parts = [together if linked else single]
-        parts += [f"Shown are {MAX_SLIDERS} coordinates."] if len(self.sliders) == MAX_SLIDERS else []
-        parts += [f"Not moved, joints of several coordinates: {', '.join(several)}."] if several else []
-        parts += ["Nothing can be moved."] if not self.sliders else []
-        return " ".join(parts)
+            sentences = [together if linked else single]
+        sentences += [f"Shown are {MAX_SLIDERS} coordinates."] if len(self.sliders) == MAX_SLIDERS else []
+        sentences += [f"Not moved, joints of several coordinates: {', '.join(several)}."] if several else []
+        sentences += ["Nothing can be moved."] if not self.sliders else []
+        return " ".join(sentences)
 
     def save(self, path: str | Path) -> None:
         """Write the page.
@@ -116,9 +116,9 @@ class View:
 def view(mech: Mechanism | ModelSource, q: Array | None = None) -> View:
     """Compute the poses of a mechanism over each of its free coordinates.
 
-    Poses are computed in advance: over the whole range in which the loops can be closed, through dead
-    points of the coordinate, or over the limits of a joint outside all loops. Each of several coordinates covers the
-    range from one dead point to the next; when they are moved together, the page closes the loops.
+    The poses cover the whole range in which the loops can be closed, through dead points of the coordinate, or the
+    range between the limits of a joint outside all loops. Each of several coordinates covers the range from one dead
+    point to the next; when they are moved together, the page closes the loops.
 
     Args:
         mech: the mechanism, or an argument of `mbdae.load`; its drivers are released.
@@ -132,8 +132,8 @@ def view(mech: Mechanism | ModelSource, q: Array | None = None) -> View:
         >>> mbdae.view(mbdae.load("four_bar")).save("four_bar.html")   # doctest: +SKIP
     """
     mech = mechanism_of(mech, "view")
-    here = mech.start[0] if q is None else mech.vector("q", q, mech.nq)
-    return View(mech, here, tuple(sliders(mech, here)))
+    q = mech.start[0] if q is None else mech.vector("q", q, mech.nq)
+    return View(mech, q, tuple(sliders(mech, q)))
 
 
 def _slider_data(slider: Slider) -> dict[str, Any]:
@@ -146,7 +146,7 @@ def _slider_data(slider: Slider) -> dict[str, Any]:
         "u": slider.u.tolist(),
         "share": slider.start / (n - 1),
         "dead": dead,
-        "says": _range_text(slider, ".4g"),
+        "description": _range_text(slider, ".4g"),
         "beyond": list(slider.beyond),
     }
 
@@ -154,5 +154,5 @@ def _slider_data(slider: Slider) -> dict[str, Any]:
 def _range_text(slider: Slider, digits: str) -> str:
     low, high = displayed(slider.u.min(), slider.unit)[0], quantity(slider.u.max(), slider.unit, digits)
     dead = ", ".join(f"{displayed(d, slider.unit)[0]:.4g}" for d in slider.dead_points)
-    words = [f"dead points at {dead} {displayed(0.0, slider.unit)[1]}" if dead else "", ENDS.get(slider.ended, "")]
-    return "; ".join([f"{low:{digits}} to {high}", *filter(None, words)])
+    remarks = [f"dead points at {dead} {displayed(0.0, slider.unit)[1]}" if dead else "", ENDS.get(slider.ended, "")]
+    return "; ".join([f"{low:{digits}} to {high}", *filter(None, remarks)])

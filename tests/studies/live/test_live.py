@@ -59,7 +59,7 @@ def waited(what, seconds=120.0):
 def test_a_joint_follows_its_slider_as_a_critically_damped_spring_does(arm):
     pulls = Pulls(arm, arm.start[0], {})
     simulator = mbdae.Simulator(pulls.mechanism)
-    pulls.order({"joint": "arm", "value": 0.5}, simulator, {})
+    pulls.execute({"joint": "arm", "value": 0.5}, simulator, {})
     count = pulls.substeps(0.2)
     for _ in range(count):
         pulls.apply(simulator)

@@ -80,7 +80,7 @@ def test_holding_torques_agree_with_inverse_dynamics():
     mech = mbdae.load("four_bar")
     make = Template("four_bar")
     signals = curves(make, "crank", mech, {"span": (1.2, 2.2), "points": 5})({"gravity.2": -9.81}).signals
-    statics = mbdae.inverse_dynamics(mech, signals.found, speed=1e-7)
+    statics = mbdae.inverse_dynamics(mech, signals.curve, speed=1e-7)
     np.testing.assert_allclose(signals["holding"], statics.efforts[:, 0], rtol=1e-10)
 
 

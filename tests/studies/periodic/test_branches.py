@@ -88,10 +88,10 @@ def test_the_end_of_a_range_is_located_across_a_corner():
         def __init__(self):
             """Of a branch whose tangent turns too much for a step."""
 
-        def step(self, here, h):
+        def step(self, start, h):
             return None
 
-        def across(self, here, h):
-            return here + h
+        def across(self, start, h):
+            return start + h
 
-    assert Corner().located(0.0, 1.0, lambda x: x - 0.3) == pytest.approx((0.3, 0.3), abs=1e-9)
+    assert Corner().locate_zero(0.0, 1.0, lambda x: x - 0.3) == pytest.approx((0.3, 0.3), abs=1e-9)

@@ -52,7 +52,7 @@ def test_tables_have_the_bits_of_single_runs(case, workers, executor, monkeypatc
     with Cluster(workers) as cluster:
         settings = {"outputs": outputs, "executor": cluster if executor == "cluster" else "threads", "workers": workers}
         found = mbdae.sweep(model, parameters, 0.8, **settings)
-    monkeypatch.setattr(sweep_batch, "_ends_suffice", lambda job: False)
+    monkeypatch.setattr(sweep_batch, "_needs_final_values_only", lambda job: False)
     single = mbdae.sweep(model, parameters, 0.8, outputs=outputs, executor="threads", workers=workers)
     assert found.rows == single.rows
     expected = {"modes": 2} | dict.fromkeys(SINGLE, 1)

@@ -12,7 +12,7 @@ from .curve_tracing import follow
 from .pose_curve import MIN_COSINE, BranchPoint, CurvePoint, PoseCurve
 
 MAX_BRANCHES = 32
-BRANCH_STEP = 0.02  # rad or characteristic lengths: from a branch point onto a branch
+BRANCH_STEP = 0.02  # length of the step from a branch point onto a branch, in rad or characteristic lengths
 
 
 class TracedCurve(NamedTuple):
@@ -27,7 +27,7 @@ class TracedCurve(NamedTuple):
 def other_branches(first: TracedCurve, low: float, high: float) -> list[TracedCurve]:
     """Return curves along all unused tangents at branch points, within a range of the input.
 
-    The search starts from one curve. Each curve ends where it meets another.
+    The search starts from one curve. Each curve ends where it reaches an earlier one.
     """
     search = _BranchSearch(first.curve)
     search.trim(first.curve, first.events)
@@ -63,7 +63,7 @@ class _BranchSearch:
         return out
 
     def trim(self, curve: PoseCurve, found: Events) -> tuple[Events, BranchPoint | None]:
-        """Mark the directions that a curve uses; truncate it where it meets an earlier curve."""
+        """Mark the directions that a curve uses; truncate it where it reaches an earlier curve."""
         for i in range(len(curve.nodes) - 1):
             start = self._start_in_step(curve, i)
             if start is not None:

@@ -13,8 +13,8 @@ from ....tolerances import AGREEMENT, EVALUATION_ROUNDING, RANK, SOLUTION_ROUNDI
 from ..driven_mechanism import constraint_hessian
 from .pose_curve import BranchPoint, CurvePoint, PoseCurve
 
-NEWTON_STEPS = 6  # onto a branch point
-MAX_DISTANCE = 0.05  # rad or characteristic lengths: of a branch point from the sign change of sigma
+NEWTON_STEPS = 6  # maximum number of Newton iterations
+MAX_DISTANCE = 0.05  # distance of a branch point from the sign change of sigma, in rad or characteristic lengths
 
 
 def branch_point(curve: PoseCurve, i: int) -> BranchPoint | None:
@@ -24,7 +24,7 @@ def branch_point(curve: PoseCurve, i: int) -> BranchPoint | None:
     remaining u^T g is the distance of branches that do not intersect.
 
     Raises:
-        StepError: if branches do not intersect, or none is found: the step jumped from one branch to another.
+        StepError: if branches do not intersect, or no point is found: the step jumped from one branch to another.
     """
     h = curve.nodes[i + 1].s - curve.nodes[i].s
     at = _sign_change(curve, i, h)
@@ -37,8 +37,8 @@ def branch_point(curve: PoseCurve, i: int) -> BranchPoint | None:
         N, left_null = right[r - 1 :].T, _additional_null_vector(left[:, r - 1 :], curve.nodes[i].left_null)
         K = constraint_hessian(curve.system, left_null)
         rows = np.vstack([right[: r - 1], N.T @ K])
-        rest = np.concatenate([left[:, : r - 1].T @ g[:-1] / sizes[: r - 1], N.T @ (G[:-1].T @ left_null)])
-        x = -np.linalg.lstsq(rows, rest, rcond=AGREEMENT)[0]
+        residual = np.concatenate([left[:, : r - 1].T @ g[:-1] / sizes[: r - 1], N.T @ (G[:-1].T @ left_null)])
+        x = -np.linalg.lstsq(rows, residual, rcond=AGREEMENT)[0]
         q, u = curve.integrate(q, x), u + float(g[-1] + G[-1] @ x)
         if np.abs(x).max() < EVALUATION_ROUNDING:
             break
@@ -56,7 +56,7 @@ def branch_point(curve: PoseCurve, i: int) -> BranchPoint | None:
 
 
 def _sign_change(curve: PoseCurve, i: int, h: float) -> CurvePoint:
-    """Return the point of a step where sigma is nearly zero, by regula falsi as far as loops can be closed."""
+    """Return the point of a step where sigma is nearly zero, by regula falsi as long as loops can be closed."""
     low, high, at = 0.0, h, curve.nodes[i]
     a, b = curve.nodes[i].sigma, curve.nodes[i + 1].sigma
     for _ in range(8):

@@ -1,8 +1,8 @@
 """Circuits: the curve through an assembly mode, and all poses on it with the same value of the input.
 
 On a closed curve of regular poses the signs of du/ds at the crossings of one value add up to 0 for a prismatic input,
-and to the number of revolutions for a revolute one. So each circuit has an even number of modes of a prismatic input; a
-curve along which a prismatic input goes from one side without bound to the other is no circuit, and has an odd number.
+and to the number of revolutions for a revolute one. So each circuit has an even number of modes of a prismatic input. A
+curve along which a prismatic input is unbounded in both directions is not a circuit, and has an odd number of modes.
 Source: Chase, Mirth, J. Mech. Design 115 (1993); the degree of a map of the circle.
 """
 
@@ -17,7 +17,7 @@ from ....errors import StepError
 from ....system import Array
 from ....tolerances import COINCIDENT, SAME_POSE, ZERO_SPEED
 from .curve_tracing import follow
-from .pose_curve import MAX_TRAVEL, CurvePoint, PoseCurve
+from .pose_curve import MAX_DISPLACEMENT, CurvePoint, PoseCurve
 
 if TYPE_CHECKING:
     from ....mechanism.formulations.index2 import Index2System
@@ -41,9 +41,9 @@ def circuit(system: "Index2System", angular: Array, period: float, q: Array, u: 
     Args:
         system: a workspace of `mbdae.studies.kinematics.driven_mechanism.driven_mechanism`.
         angular: mask of the coordinates that are angles, (nv,).
-        period: of the input, 2 pi for an angle, else 0.
+        period: period of the input, 2 pi for an angle, else 0.
         q: the pose.
-        u: the input there.
+        u: the input at the pose.
     """
     curve = PoseCurve(system, angular, period)
     try:
@@ -54,26 +54,26 @@ def circuit(system: "Index2System", angular: Array, period: float, q: Array, u: 
     if curve.ended == "closed":
         revolutions = round((curve.nodes[-1].u - first.u) / period) if period else 0
         signs = sum(_rate_sign(p, curve) for p in crossings)
-        wrong = f"the input crosses its value {len(crossings)} times, which is inconsistent"
-        warning = "" if signs == revolutions else wrong
+        message = f"the input crosses its value {len(crossings)} times, which is inconsistent"
+        warning = "" if signs == revolutions else message
     else:
-        back = PoseCurve(system, angular, period)
-        back.set_start(q, u, -first.tau)
-        reverse = _crossings_of(back, u)
+        backward = PoseCurve(system, angular, period)
+        backward.set_start(q, u, -first.tau)
+        reverse = _crossings_of(backward, u)
         crossings += [p._replace(tau=-p.tau, speed=-p.speed) for p in reverse[1:]]
-        warning = "" if _is_unbounded(curve, back) else "it was not traced back to its first pose"
+        warning = "" if _is_unbounded(curve, backward) else "it was not traced back to its first pose"
     return Circuit([(p.q, p.speed > 0) for p in crossings], warning)
 
 
-def _is_unbounded(there: PoseCurve, back: PoseCurve) -> bool:
-    """Return whether a sliding input goes on in both directions, as that of a rack, as far as curves are traced."""
-    ends = [c.nodes[-1].u - c.nodes[0].u for c in (there, back) if c.ended in ("range", "long")]
-    return not there.period and len(ends) == 2 and ends[0] * ends[1] < 0
+def _is_unbounded(forward: PoseCurve, backward: PoseCurve) -> bool:
+    """Return whether a prismatic input, as of a rack, increases in one direction and decreases in the other."""
+    ends = [c.nodes[-1].u - c.nodes[0].u for c in (forward, backward) if c.ended in ("range", "limit")]
+    return not forward.period and len(ends) == 2 and ends[0] * ends[1] < 0
 
 
 def _crossings_of(curve: PoseCurve, u: float) -> list[CurvePoint]:
     """Trace a curve, and return its points with the input u, beginning with its first point."""
-    reach = MAX_TRAVEL * curve.unit
+    reach = MAX_DISPLACEMENT * curve.unit
     crossings = [curve.nodes[0]]
     try:
         follow(curve, u - reach, u + reach)
@@ -81,7 +81,7 @@ def _crossings_of(curve: PoseCurve, u: float) -> list[CurvePoint]:
             for (s0, p0), (s1, p1) in pairwise(_monotonic_points(curve, i, a, b)):
                 crossings += [_crossing_point(curve, i, (s0, s1), w) for w in _levels_between(curve, u, p0, p1)]
     except (StepError, ValueError, np.linalg.LinAlgError):  # a singular pose: keep the poses before it
-        curve.ended = "stuck"
+        curve.ended = "failed"
     return crossings
 
 

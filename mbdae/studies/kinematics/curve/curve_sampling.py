@@ -10,8 +10,8 @@ from ....errors import StepError
 from ....tolerances import COARSE, COINCIDENT, INTERPOLATION, ROUNDING, SAME_STATE, SOLUTION_ROUNDING, ZERO_SPEED
 from .pose_curve import BranchPoint, CurvePoint, PoseCurve
 
-SMALL, TANGENCY = 0.5, 1.5  # fraction of the largest sigma, of its change in a step: lower minima may be double roots
-AT_BRANCH_POINT = INTERPOLATION  # distance of the input from a branch point that is negligible
+SMALL, TANGENCY = 0.5, 1.5  # minima of sigma below these fractions of its maximum and change may be double roots
+AT_BRANCH_POINT = INTERPOLATION  # negligible distance of the input from a branch point
 
 
 class CurveLocation(NamedTuple):
@@ -46,7 +46,7 @@ def events(curve: PoseCurve) -> Events:
             if found:
                 branches[i] = found
             else:
-                hidden.append(curve.at(i, (b.s - a.s) * a.sigma / (a.sigma - b.sigma), roughly=True).u)
+                hidden.append(curve.at(i, (b.s - a.s) * a.sigma / (a.sigma - b.sigma), predictor_only=True).u)
         at_start = (b is nodes[-1] and curve.ended == "closed" and abs(b.speed) < speed_tolerance) or abs(
             a.speed
         ) < speed_tolerance
@@ -88,20 +88,20 @@ def _minimum(curve: PoseCurve, i: int, size: float) -> float:
             return 0.0
 
     found = minimize_scalar(value, bounds=(0.0, h), method="bounded", options={"xatol": SAME_STATE * h})
-    return curve.at(i, float(found.x), roughly=True).u if found.fun < COARSE * size else np.nan
+    return curve.at(i, float(found.x), predictor_only=True).u if found.fun < COARSE * size else np.nan
 
 
 def sample(curve: PoseCurve, found: Events, n: int) -> list[CurvePoint]:
     """Return about n points of a curve: its ends, dead points, and equidistant inputs between these.
 
-    Where the drive is at rest, they have equidistant arclengths.
+    If the drive is at rest, arclengths are equidistant.
     """
     nodes = curve.nodes
     if _at_rest(curve):
         values = np.linspace(nodes[0].s, nodes[-1].s, n)[1:-1]
         steps = np.searchsorted([p.s for p in nodes], values, side="right") - 1
-        rest = (curve.at(int(i), float(s - nodes[i].s)) for i, s in zip(steps, values, strict=True))
-        return [nodes[0], *rest, nodes[-1]]
+        interior = (curve.at(int(i), float(s - nodes[i].s)) for i, s in zip(steps, values, strict=True))
+        return [nodes[0], *interior, nodes[-1]]
     inside = [d for d in found.dead_points if d.point is not nodes[0]]
     last = CurveLocation(len(nodes) - 2, nodes[-1].s - nodes[-2].s, nodes[-1])
     ends = [CurveLocation(0, 0.0, nodes[0]), *inside, last]
@@ -131,8 +131,8 @@ def _sampled(curve: PoseCurve, found: Events, start: CurveLocation, end: CurveLo
     else:
         ds = _inverse(a, b, u, SOLUTION_ROUNDING * curve.unit)
     for offset in (0.0, AT_BRANCH_POINT, -AT_BRANCH_POINT):  # next to a singular pose, which has no tangent
-        near = curve.at(i, min(max(ds + offset * (b.s - a.s), low), high), roughly=True)
-        if (point := curve.at_input(near, near.u if offset else u)) is not None:
+        estimate = curve.at(i, min(max(ds + offset * (b.s - a.s), low), high), predictor_only=True)
+        if (point := curve.at_input(estimate, estimate.u if offset else u)) is not None:
             return point._replace(s=curve.arclength(i, point))
     return _by_arclength(curve, i, low, high, u)
 
@@ -147,9 +147,9 @@ def _by_arclength(curve: PoseCurve, i: int, low: float, high: float, u: float) -
 def branch_point_on_curve(
     curve: PoseCurve, point: BranchPoint, neighbour: CurvePoint, *, before: bool = False
 ) -> CurvePoint:
-    """Return a branch point as a point on the branch of a neighbour, after or before it; kappa is nan.
+    """Return a branch point as a point on the branch of a neighbour, after or before it.
 
-    The curvature there would need third derivatives of the closures.
+    Its curvature kappa is nan: it depends on third derivatives of the closures.
     """
     along = point.directions @ neighbour.tau
     k = int(np.abs(along).argmax())
@@ -162,7 +162,7 @@ def branch_point_on_curve(
     )
 
 
-def _inverse(a: CurvePoint, b: CurvePoint, u: float, near: float) -> float:
+def _inverse(a: CurvePoint, b: CurvePoint, u: float, tolerance: float) -> float:
     """Return the arclength after a at which the cubic interpolant of the input between a and b is u."""
     h, low, high = b.s - a.s, 0.0, 1.0
     d, x = b.u - a.u, (u - a.u) / (b.u - a.u)
@@ -174,6 +174,6 @@ def _inverse(a: CurvePoint, b: CurvePoint, u: float, near: float) -> float:
         x -= value / (m0 + x * (2 * c2 + 3 * x * c3))
         if not low <= x <= high:
             x = (low + high) / 2
-        if abs(value) < near:
+        if abs(value) < tolerance:
             break
     return x * h

@@ -3,8 +3,8 @@
     q' = tau, G tau = 0, |tau| = 1;   tau' = kappa, G kappa = -gamma(q, tau), kappa . tau = 0
     predictor q (+) (h tau + h^2/2 kappa);   corrector x = -G^+ g of minimum norm (Gauss-Newton), to rounding
 
-Angles are in rad, lengths of rows and coordinates in characteristic lengths of the mechanism; the input u is in its own
-unit. G has all rows except the driver's, redundant ones included; its pseudoinverse is truncated to rank nv - 1.
+Angles are in rad, lengths of rows and coordinates in characteristic lengths of the mechanism; the input u is in rad or
+m. G has all rows except the driver's, redundant ones included; its pseudoinverse is truncated to rank nv - 1.
 sigma, its smallest singular value, has the sign of det [B^T G; tau^T] with a basis B of range(G) that is continued
 along the curve: sigma changes sign at branch points, and tau_in = e_in . tau at dead points of the drive.
 
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 MIN_COSINE = 0.9  # smallest cosine between tangents, and between left null spaces, at both ends of a step
 ITERATIONS = 12
-CONVERGED = tol.COINCIDENT  # fraction of a correction: by quadratic convergence the next one would be rounding
-MAX_TRAVEL = 100.0  # rad or characteristic lengths: of the coordinates that are not periodic angles
+CONVERGED = tol.COINCIDENT  # size of a correction after which, by quadratic convergence, the next would be rounding
+MAX_DISPLACEMENT = 100.0  # limit in rad or characteristic lengths for coordinates that are not periodic angles
 
 
 class CurvePoint(NamedTuple):
@@ -87,21 +87,23 @@ class PoseCurve:
     Args:
         system: a workspace of `mbdae.studies.kinematics.driven_mechanism.driven_mechanism`.
         angular: mask of the coordinates that are 2 pi-periodic angles, (nv,).
-        period: of the input: the curve is closed if the start pose recurs after a multiple of it; 0 if the input must
-            have its start value, too.
+        period: period of the input: the curve is closed if the start pose recurs after a multiple of it; 0 if the input
+            must return to its start value.
 
     Attributes:
         unit: scale of the input, in rad or m.
-        columns: scale of each tangent component, in rad or m, (nv,).
+        scales: scale of each tangent component, in rad or m, (nv,).
         nodes: points in the order of the arclength.
-        branch_points: by the node before them; None where more than two branches intersect, or location failed.
-        ended: ``"range"``, ``"closed"`` (the start pose recurs), ``"stuck"``, or ``"long"`` (too long).
+        branch_points: branch points by the preceding node; None where more than two branches intersect, or location
+            failed.
+        ended: ``"range"``, ``"closed"`` (the start pose recurs), ``"failed"`` (the step size became too small), or
+            ``"limit"`` (too many nodes, or too large a displacement).
     """
 
     def __init__(self, system: "Index2System", angular: Array, period: float = 0.0) -> None:
         self.system, self.angular, self.period = system, angular, period
-        rows, self.columns = system.mechanism.row_scales, system.mechanism.coordinate_scales
-        self.unit, self.rows = float(rows[-1]), np.append(rows[:-1], 1.0)
+        rows, self.scales = system.mechanism.row_scales, system.mechanism.coordinate_scales
+        self.unit, self.row_scales = float(rows[-1]), np.append(rows[:-1], 1.0)
         self.r = system.nv - 1
         self.nodes: list[CurvePoint] = []
         self.branch_points: dict[int, BranchPoint | None] = {}
@@ -110,21 +112,21 @@ class PoseCurve:
     def closures(self, q: Array, u: float) -> tuple[Array, Array]:
         """Return g (ng,) and G (ng, nv) at the input u, lengths in characteristic lengths except in the last row."""
         g, G = self.system.closures(q, u)
-        return g / self.rows, G * self.columns / self.rows[:, None]
+        return g / self.row_scales, G * self.scales / self.row_scales[:, None]
 
     def integrate(self, q: Array, x: Array) -> Array:
         """Return q (+) x, (nq,)."""
-        return self.system.manifold.integrate(q, self.columns * x)
+        return self.system.manifold.integrate(q, self.scales * x)
 
     def difference(self, q0: Array, q1: Array) -> Array:
         """Return q1 (-) q0, (nv,)."""
-        return self.system.manifold.difference(q0, q1) / self.columns
+        return self.system.manifold.difference(q0, q1) / self.scales
 
     def set_start(self, q: Array, u: float, along: Array | None = None) -> CurvePoint:
         """Set the first point from an approximate configuration, directed along a tangent or with increasing input.
 
         Raises:
-            StepError: if no closed configuration is near.
+            StepError: if no closed configuration is found.
         """
         if (found := self._correct(q, u)) is None:
             raise StepError("newton", f"the loops cannot be closed at {u:.6g}")
@@ -151,33 +153,33 @@ class PoseCurve:
         new = self._point(found, p, p.s + h)
         return new._replace(s=p.s + self._length(p, new)), error
 
-    def travel(self) -> Array:
+    def displacement(self) -> Array:
         """Return |q_last - q_first| of the coordinates that are not angles, (nv,), 0 for angles."""
         return np.abs(self.difference(self.nodes[0].q, self.nodes[-1].q)) * ~self.angular
 
     def is_full_period(self, change: float) -> bool:
         """Return whether a change of the input is zero or a multiple of its period."""
-        rest = change - self.period * round(change / self.period) if self.period else change
-        return abs(rest) < tol.SAME_POSE * self.unit
+        remainder = change - self.period * round(change / self.period) if self.period else change
+        return abs(remainder) < tol.SAME_POSE * self.unit
 
     def point_at_pose(self, i: int, pose: CurvePoint) -> CurvePoint | None:
         """Return the point between nodes i and i + 1 that has a given pose and direction; None if there is none."""
         a, b = self.nodes[i : i + 2]
-        h, at, rest = b.s - a.s, a, self.wrapped_difference(a.q, pose.q)
-        if not (np.abs(rest).max() < 2 * h and b.tau @ pose.tau > 0):
+        h, at, dx = b.s - a.s, a, self.wrapped_difference(a.q, pose.q)
+        if not (np.abs(dx).max() < 2 * h and b.tau @ pose.tau > 0):
             return None
         for _ in range(4):  # the nearest point of the step: length along a tangent is not arclength
-            along = at.s - a.s + float(rest @ at.tau)
+            along = at.s - a.s + float(dx @ at.tau)
             if not -tol.SAME_POSE <= along <= 1.5 * h:
                 return None
             at = self.at(i, min(max(along, 0.0), h))
-            rest = self.wrapped_difference(at.q, pose.q)
-            if abs(rest @ at.tau) < tol.SAME_POSE:
+            dx = self.wrapped_difference(at.q, pose.q)
+            if abs(dx @ at.tau) < tol.SAME_POSE:
                 break
-        if not (np.abs(rest).max() < tol.NEGLIGIBLE * h + tol.SAME_POSE and at.tau @ pose.tau > MIN_COSINE):
+        if not (np.abs(dx).max() < tol.NEGLIGIBLE * h + tol.SAME_POSE and at.tau @ pose.tau > MIN_COSINE):
             return None
-        found = self._correct(self.integrate(at.q, rest), at.u + float(rest @ at.tau) * at.speed)
-        point = None if found is None else self._point(found, at, at.s + float(rest @ at.tau))
+        found = self._correct(self.integrate(at.q, dx), at.u + float(dx @ at.tau) * at.speed)
+        point = None if found is None else self._point(found, at, at.s + float(dx @ at.tau))
         return point if point and np.abs(self.wrapped_difference(point.q, pose.q)).max() < tol.SAME_POSE else None
 
     def wrapped_difference(self, q0: Array, q1: Array) -> Array:
@@ -185,10 +187,10 @@ class PoseCurve:
         x = self.difference(q0, q1)
         return np.where(self.angular, x - 2 * np.pi * np.round(x / (2 * np.pi)), x)
 
-    def at(self, i: int, ds: float, *, roughly: bool = False) -> CurvePoint:
-        """Return the point at arclength ds after node i, before node i + 1; without a corrector if ``roughly``.
+    def at(self, i: int, ds: float, *, predictor_only: bool = False) -> CurvePoint:
+        """Return the point at arclength ds after node i, before node i + 1; without a corrector if ``predictor_only``.
 
-        Its predictor is a weighted mean of those from both ends: with weights of third order the error is of fourth.
+        The predictor is a weighted mean of those from both nodes: third-order weights give a fourth-order error.
 
         Raises:
             StepError: if the corrector does not converge.
@@ -202,7 +204,7 @@ class PoseCurve:
         u0, u1 = (p.u + x * (p.speed + 0.5 * x * p.input_curvature) for p, x in ((a, ds), (b, ds - h)))
         near, s = (a if ds < h / 2 else b), a.s + ds
         q, u = self.integrate(q0, weight * self.difference(q0, q1)), u0 + weight * (u1 - u0)
-        if roughly:
+        if predictor_only:
             return near._replace(s=s, q=q, u=u)
         found = self._correct(q, u)
         if found is None:
@@ -210,7 +212,7 @@ class PoseCurve:
         return self._point(found, near, s)
 
     def arclength(self, i: int, p: CurvePoint) -> float:
-        """Return the arclength of a point between nodes i and i + 1, a weighted mean of those from both."""
+        """Return the arclength of a point between nodes i and i + 1, a weighted mean of estimates from both nodes."""
         a, b = self.nodes[i : i + 2]
         after, before = self._length(a, p), self._length(p, b)
         return a.s + after + after**3 / (after**3 + before**3) * (b.s - before - a.s - after)
@@ -220,16 +222,16 @@ class PoseCurve:
         h = self.nodes[i + 1].s - self.nodes[i].s
         return float(brentq(lambda ds: value(self.at(i, ds)), 0.0, h, xtol=tol.ROUNDING, rtol=tol.SUM_ROUNDING))
 
-    def at_input(self, near: CurvePoint, u: float) -> CurvePoint | None:
-        """Return the point with the input u near another one, by [G; e_in] x = -[g; c - u]; None if it is not found."""
-        found = self._correct(near.q, u, fixed_input=True)
-        return None if found is None else self._point(found, near, near.s + (u - near.u) / (near.speed or 1.0))
+    def at_input(self, p: CurvePoint, u: float) -> CurvePoint | None:
+        """Return the point at the input u close to a point p, by [G; e_in] x = -[g; c - u]; None if it is not found."""
+        found = self._correct(p.q, u, fixed_input=True)
+        return None if found is None else self._point(found, p, p.s + (u - p.u) / (p.speed or 1.0))
 
     def _length(self, a: CurvePoint, b: CurvePoint) -> float:
         """Return the arclength from a to b.
 
-        By q_b (-) q_a = s/2 (tau_a + tau_b) + s^2/12 (kappa_a - kappa_b) + O(s^5), between the chord and its length if
-        all tangents had the smallest cosine with the chord: curvatures are large next to branch points.
+        It solves q_b (-) q_a = s/2 (tau_a + tau_b) + s^2/12 (kappa_a - kappa_b) + O(s^5), and is limited to the chord
+        and the chord over the smallest cosine of tangents, since curvatures are large next to branch points.
         """
         chord, mean = self.difference(a.q, b.q), 0.5 * (a.tau + b.tau)
         shortest = float(np.linalg.norm(chord))
@@ -262,15 +264,16 @@ class PoseCurve:
             q, last = self.integrate(q, x), size
         return None
 
-    def _point(self, found: "Corrected", near: CurvePoint, s: float) -> CurvePoint:
-        q, u, (left, sizes, right), e = found
+    def _point(self, corrected: "Corrected", neighbour: CurvePoint, s: float) -> CurvePoint:
+        """Return the point of a corrected pose at arclength s, oriented as a neighbour."""
+        q, u, (left, sizes, right), e = corrected
         r = self.r
-        sign = 1.0 if right[r] @ near.tau > 0 else -1.0
+        sign = 1.0 if right[r] @ neighbour.tau > 0 else -1.0
         tau, null = sign * right[r], left[:, r:]
-        gamma = self.system.gamma(q, self.columns * tau, u) / self.rows
+        gamma = self.system.gamma(q, self.scales * tau, u) / self.row_scales
         kappa = -(left[:, :r].T @ gamma[:-1] / sizes[:r]) @ right[:r] if r else np.zeros(1)
-        reversal = np.sign(np.linalg.det(null.T @ near.left_null)) if null.shape[1] else 1.0
-        orientation = near.orientation * reversal
+        reversal = np.sign(np.linalg.det(null.T @ neighbour.left_null)) if null.shape[1] else 1.0
+        orientation = neighbour.orientation * reversal
         det_sign = sign * orientation * np.sign(np.linalg.det(right) * np.linalg.det(left))
         sigma = float(sizes[r - 1] * det_sign) if r else 1.0
         return CurvePoint(s, q, u, tau, kappa, float(e @ tau), float(e @ kappa + gamma[-1]), sigma, null, orientation)

@@ -22,7 +22,7 @@ class Toggle(NamedTuple):
     Attributes:
         u: the input.
         q: the configuration, (nq,).
-        reversing: names of the joints, of the drive first.
+        reversing: names of the joints, that of the drive first.
         v: the tangent dq/ds, (nv,), in rad and m.
     """
 
@@ -33,7 +33,7 @@ class Toggle(NamedTuple):
 
 
 def toggles(traced: TracedCurve, mech: Mechanism, drive: str) -> list[Toggle]:
-    """Return the toggle positions of a curve in their order, those of joints with one coordinate and of the drive."""
+    """Return the toggle positions of the drive and of joints with one coordinate, in their order along a curve."""
     curve = traced.curve
     found = [(d.point, drive) for d in traced.events.dead_points]
     for name in mech.joint_names:
@@ -47,13 +47,13 @@ def toggles(traced: TracedCurve, mech: Mechanism, drive: str) -> list[Toggle]:
             groups[-1].append((point, name))
         else:
             groups.append([(point, name)])
-    return [_toggle(group, drive, curve.columns) for group in groups]
+    return [_toggle(group, drive, curve.scales) for group in groups]
 
 
-def _toggle(group: list[tuple[CurvePoint, str]], drive: str, columns: Array) -> Toggle:
+def _toggle(group: list[tuple[CurvePoint, str]], drive: str, scales: Array) -> Toggle:
     names = dict.fromkeys(name for _, name in group)
     point = group[0][0]
-    return Toggle(point.u, point.q, tuple(sorted(names, key=lambda n: n != drive)), point.tau * columns)
+    return Toggle(point.u, point.q, tuple(sorted(names, key=lambda n: n != drive)), point.tau * scales)
 
 
 def _zeros(traced: TracedCurve, i: int) -> list[CurvePoint]:
@@ -81,12 +81,12 @@ def toggle_table(
         found: m toggle positions.
         names: values of each coordinate by name, (m,) each.
         drive: name of the input.
-        unit: of the input.
-        units: of the coordinates by name.
+        unit: unit of the input.
+        units: units of the coordinates by name.
     """
-    columns = {drive: displayed(np.array([t.u for t in found]), unit)}
-    columns |= {name.removeprefix("q."): displayed(x, units.get(name, "")) for name, x in names.items()}
-    headers = ["reverses", *(f"{name} ({u})" if u not in ("", "1") else name for name, (_, u) in columns.items())]
-    values = np.array([x for x, _ in columns.values()]).T if found else np.empty((0, 0))
+    shown = {drive: displayed(np.array([t.u for t in found]), unit)}
+    shown |= {name.removeprefix("q."): displayed(x, units.get(name, "")) for name, x in names.items()}
+    headers = ["reverses", *(f"{name} ({u})" if u not in ("", "1") else name for name, (_, u) in shown.items())]
+    values = np.array([x for x, _ in shown.values()]).T if found else np.empty((0, 0))
     rows = [[f"{rounded_zero(x):.9g}" for x in row] for row in values]
     return [headers] + [[", ".join(t.reversing), *row] for t, row in zip(found, rows, strict=True)]

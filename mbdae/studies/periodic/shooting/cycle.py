@@ -1,6 +1,6 @@
 """Multiple shooting for periodic motions in local coordinates of the constraint manifold.
 
-Unknown: the states at k nodes of a period, the period T unless it is given, advances sigma along symmetries,
+Unknowns: the states at k nodes of a period, the period T unless it is fixed, advances sigma along symmetries,
 
     0 = x(phi_i(y_i)) - x_i+1,   i < k - 1;      0 = x(g(sigma) S P phi_k-1(y_k-1)) - x_0
 
@@ -26,8 +26,8 @@ from .exchange import Exchange
 from .flow import Flow, FlowTangent, require_same_rows
 
 MAX_REFINEMENTS = 12
-HALVED_STEPS = 2**6  # change of rtol, for methods of order 6
-SHORTEST = 0.5  # fraction of the period before: one iteration may not do more
+HALVED_STEPS = 2**6  # factor of rtol that halves the steps of a method of order 6
+SHORTEST = 0.5  # smallest ratio of the periods of successive iterations
 
 
 @dataclass(frozen=True)
@@ -35,14 +35,15 @@ class Cycle:
     """Kind of a periodic motion.
 
     Attributes:
-        t: time of its start.
+        t: start time.
         segments: number k of shooting segments.
-        section: signal and level at which a period ends; None for phases that are free, or given by the time.
-        period_is_given: whether the period is not unknown.
+        section: signal and level at which a period ends; None if the phase is free, or fixed by the time.
+        period_is_given: whether the period is fixed.
         autonomous: whether the equations do not depend on time.
-        symmetries: along which it advances.
-        exchange: of joints at its end.
-        periods: of the functions of time in a given period, which follows theirs over a parameter; 0 if it is constant.
+        symmetries: symmetries along which the motion advances.
+        exchange: exchange of joints at the end of a period.
+        periods: number of periods of the functions of time in a fixed period that depends on the parameter; 0 if it is
+            constant.
     """
 
     t: float
@@ -62,10 +63,10 @@ class Cycle:
 
 @dataclass(frozen=True)
 class Guess:
-    """Nodes (k, n) of a period, its duration, advances (m,), and shifts (nv,) of joints by turns and pitches.
+    """Nodes (k, n) of a period, the period, advances (m,), and shifts (nv,) of joints by turns and pitches.
 
-    The modes in which its segments begin, (k,), are known after a run; dT/dp is that of a period that follows the
-    functions of time over a parameter.
+    The modes at the starts of segments, (k,), are known after a run; dT/dp is not 0 if a fixed period depends on the
+    parameter.
     """
 
     nodes: list[Array]
@@ -73,7 +74,7 @@ class Guess:
     sigma: Array
     shifts: Array
     modes: tuple[tuple[int, ...], ...] = ()
-    period_by_parameter: float = 0.0
+    dT_dp: float = 0.0
 
 
 class ShootingEquations:
@@ -83,20 +84,21 @@ class ShootingEquations:
         system: a workspace.
         flow: the runs.
         cycle: kind of the motion.
-        at: the guess.
+        guess: the guess.
     """
 
-    def __init__(self, system: Index2System, flow: Flow, cycle: Cycle, at: Guess) -> None:
-        self.system, self.flow, self.cycle, self.at = system, flow, cycle, at
+    def __init__(self, system: Index2System, flow: Flow, cycle: Cycle, guess: Guess) -> None:
+        self.system, self.flow, self.cycle, self.guess = system, flow, cycle, guess
         k, self.p = cycle.segments, len(flow.parameters)
-        last = at.T - at.T * (k - 1) / k
-        self.durations = [at.T / k] * (k - 1) + [last]
+        last = guess.T - guess.T * (k - 1) / k
+        self.durations = [guess.T / k] * (k - 1) + [last]
         self.times = [cycle.t + sum(self.durations[:i]) for i in range(k)]
-        self.runs = list(map(flow.run, self.times, at.nodes, self.durations, self._sections))
+        self.runs = list(map(flow.run, self.times, guess.nodes, self.durations, self._sections))
         for run, following in zip(self.runs, [*self.runs[1:], self.runs[0]], strict=True):
             require_same_rows(run, following)
         self.modes = tuple(run.mode(0) for run in self.runs)
-        self.charts = [LocalCoordinates(*args) for args in zip(self._workspaces(), self.times, at.nodes, strict=True)]
+        points = zip(self._workspaces(), self.times, guess.nodes, strict=True)
+        self.charts = [LocalCoordinates(*point) for point in points]
         self.n = self.charts[0].n
         if any(chart.n != self.n for chart in self.charts):
             raise InputError("degrees of freedom differ between the segments of the period: give segments=1")
@@ -107,7 +109,7 @@ class ShootingEquations:
 
     @cached_property
     def lifts(self) -> list[Array]:
-        """Maps from variations of the coordinates of each node to those of its state, (ny, n) each."""
+        """Maps from variations of the local coordinates of each node to variations of its state, (ny, n) each."""
         out = []
         for chart, t in zip(self.charts, self.times, strict=True):
             found = chart.partials(t, chart.x0)
@@ -116,7 +118,7 @@ class ShootingEquations:
 
     @cached_property
     def tangents(self) -> list[FlowTangent]:
-        """Tangents of the segments, which take longer than their runs.
+        """Tangents of the segments, computed on demand.
 
         Raises:
             InputError: for runs without derivatives.
@@ -133,14 +135,14 @@ class ShootingEquations:
 
     @cached_property
     def return_map(self) -> tuple[Array, Array, Array]:
-        """The last end after P, S and g(sigma), y (n,), its tangent map (ny, ny), and directions w (ny, m)."""
+        """The end of the period after P, S and g(sigma), y (n,), the tangent map (ny, ny), and directions w (ny, m)."""
         s, y = self.system, self.runs[-1].y[-1].copy()
-        q, nq, nv = self.cycle.exchange.moved(s.split(y)[0]), s.nq, s.nv
-        q = s.manifold.integrate(q, -self.at.shifts) if self.at.shifts.any() else q
+        q, nq, nv = self.cycle.exchange.apply(s.split(y)[0]), s.nq, s.nv
+        q = s.manifold.integrate(q, -self.guess.shifts) if self.guess.shifts.any() else q
         D = self.cycle.exchange.of_v
         v = D @ y[nq : nq + nv]
         directions: list[Array] = []
-        for symmetry, sigma in zip(self.cycle.symmetries, self.at.sigma.tolist(), strict=True):
+        for symmetry, sigma in zip(self.cycle.symmetries, self.guess.sigma.tolist(), strict=True):
             moved = symmetry.moved(q, sigma)
             differential = symmetry.tangent(q, moved, sigma)
             directions = [differential @ w for w in directions]
@@ -156,7 +158,7 @@ class ShootingEquations:
 
     @cached_property
     def residual(self) -> Array:
-        """Distance of the end of each segment from the next node, in coordinates there, (k n,)."""
+        """Distance of the end of each segment from the next node, in local coordinates of that node, (k n,)."""
         charts = [*self.charts[1:], self.charts[0]]
         ends = [*(run.y[-1] for run in self.runs[:-1]), self.return_map[0]]
         return np.concatenate([chart.coordinates_of(y) - chart.x0 for chart, y in zip(charts, ends, strict=True)])
@@ -176,11 +178,11 @@ class ShootingEquations:
 
     def flow_direction(self, i: int) -> Array:
         """Return y' at node i in its coordinates, (n,)."""
-        return self.charts[i].coordinate_tangents(self.at.nodes[i], self.tangents[i].first_rate[:, None])[:, 0]
+        return self.charts[i].coordinate_tangents(self.guess.nodes[i], self.tangents[i].first_rate[:, None])[:, 0]
 
     def symmetry_directions(self, i: int) -> Array:
         """Return the directions of the symmetries at node i in its coordinates, (n, m)."""
-        s, y = self.system, self.at.nodes[i]
+        s, y = self.system, self.guess.nodes[i]
         q, v = s.split(y)
         out = np.zeros((s.ny, len(self.cycle.symmetries)))
         for j, symmetry in enumerate(self.cycle.symmetries):
@@ -189,7 +191,7 @@ class ShootingEquations:
         return self.charts[i].coordinate_tangents(y, out)
 
     def energy_gradient(self, i: int) -> Array:
-        """Return the derivatives of the energy at node i by its coordinates, (n,)."""
+        """Return the gradient of the energy at node i in its local coordinates, (n,)."""
         return self.tangents[i].energy @ self.lifts[i]
 
     @cached_property
@@ -207,11 +209,11 @@ class ShootingEquations:
                 A[rows, n * k] = self._at_next_node(i, end.rate[:, None])[:, 0] / k
             if self.p:
                 nodes = self.charts[following].coordinate_tangents(
-                    self.at.nodes[following], self.tangents[following].start[:, n:]
+                    self.guess.nodes[following], self.tangents[following].start[:, n:]
                 )
                 A[rows, n * k + period + m :] = transition[:, n:] - nodes
-                if self.at.period_by_parameter:
-                    A[rows, n * k + period + m :] += self.at.period_by_parameter * self._by_period(i, transition[:, :n])
+                if self.guess.dT_dp:
+                    A[rows, n * k + period + m :] += self.guess.dT_dp * self._period_derivative(i, transition[:, :n])
         y, _, w = self.return_map
         A[n * (k - 1) :, n * k + period : n * k + period + m] = self.charts[0].coordinate_tangents(y, w)
         phases = np.zeros((period + m, A.shape[1]))
@@ -220,29 +222,32 @@ class ShootingEquations:
         phases[period:, :n] = _unit(self.symmetry_directions(0)).T
         return np.vstack([A, phases])
 
-    def _by_period(self, i: int, transition: Array) -> Array:
-        """Return the derivative of residual i by a given period, (n, 1): its segment is longer, and begins later."""
+    def _period_derivative(self, i: int, transition: Array) -> Array:
+        """Return the derivative of residual i with respect to a fixed period, (n, 1).
+
+        The segment is longer, and begins later.
+        """
         rate = self._at_next_node(i, self.tangents[i].rate[:, None])
         later = rate - transition @ self.flow_direction(i)[:, None]
         return np.asarray((rate + i * later) / self.cycle.segments)
 
-    def moved(self, step: Array) -> Guess:
+    def guess_after(self, step: Array) -> Guess:
         """Return the guess after a step of (x_0, ..., x_k-1, T, sigma)."""
-        n, k, at = self.n, self.cycle.segments, self.at
+        n, k, guess = self.n, self.cycle.segments, self.guess
         nodes = []
         for i, chart in enumerate(self.charts):
             q, v, s = chart.state(self.times[i], chart.x0 + step[i * n : (i + 1) * n])
             nodes.append(np.concatenate([q, v, s, [0.0]]))
         period = int(self.cycle.unknown_period)
-        T = at.T + (step[n * k] if period else 0.0)
+        T = guess.T + (step[n * k] if period else 0.0)
         if not SHORTEST * sum(self.durations) < T:
             raise InputError(f"the period shrank to {T:.3g} s: give a better guess of the motion or of T")
-        advance = step[n * k + period : n * k + period + len(at.sigma)]
-        return replace(at, nodes=nodes, T=float(T), sigma=at.sigma + advance, modes=self.modes)
+        advance = step[n * k + period : n * k + period + len(guess.sigma)]
+        return replace(guess, nodes=nodes, T=float(T), sigma=guess.sigma + advance, modes=self.modes)
 
     @property
     def size(self) -> float:
-        """Largest residual relative to the sizes of states."""
+        """Largest residual relative to the magnitudes of states."""
         scale = 1 + np.abs(np.concatenate([c.x0 for c in [*self.charts[1:], self.charts[0]]]))
         return float(np.abs(self.residual / scale).max(initial=0.0))
 
@@ -251,22 +256,22 @@ class ShootingEquations:
         """Longest step of the runs in s."""
         return max(float(np.diff(run.nodes[0]).max()) for run in self.runs)
 
-    def refined(self) -> "ShootingEquations":
+    def refine_steps(self) -> "ShootingEquations":
         """Return the equations with steps that resolve the tangents of the motion, not only the motion.
 
-        Step-size control does not see variations: a steady motion has long steps, however fast its neighbours vary. So
-        the longest step is halved until the monodromy matrix changes no more, and the others with it, by rtol.
+        Step-size control ignores tangents: steps of a steady motion are long, even if perturbations change fast. So the
+        longest step is halved until the monodromy matrix no longer changes; rtol reduces the remaining steps as well.
         """
-        here, h, rtol = self, self.longest_step, float(self.flow.options["rtol"])
+        current, h, rtol = self, self.longest_step, float(self.flow.options["rtol"])
         for _ in range(MAX_REFINEMENTS):
             h, rtol = h / 2, max(rtol / HALVED_STEPS, min(rtol, SOLUTION_ROUNDING))
             options = {**self.flow.options, "max_step": h, "rtol": rtol}
-            there = ShootingEquations(self.system, replace(self.flow, options=options), self.cycle, self.at)
-            change = max(np.abs(a - b).max(initial=0.0) for a, b in zip(here.factors, there.factors, strict=True))
-            size = max(np.abs(a).max(initial=1.0) for a in there.factors)
-            here = there
+            finer = ShootingEquations(self.system, replace(self.flow, options=options), self.cycle, self.guess)
+            change = max(np.abs(a - b).max(initial=0.0) for a, b in zip(current.factors, finer.factors, strict=True))
+            size = max(np.abs(a).max(initial=1.0) for a in finer.factors)
+            current = finer
             if change <= AGREEMENT * size:
-                return here
+                return current
         raise InputError(f"tangents of the motion do not converge with steps down to {h:.3g} s: give a smaller rtol")
 
 

@@ -15,11 +15,12 @@ from ....system import Array
 
 
 class Exchange:
-    """A map of joints of one coordinate to each other.
+    """Exchange map P of joints of one coordinate.
 
     Args:
         mech: the mechanism.
-        joints: joint = other joint, ``"-"`` before it for the opposite sign; a joint may be mapped to its own negative.
+        joints: joint = other joint, with a preceding ``"-"`` for the opposite sign; a joint may be mapped to itself
+            with the opposite sign.
 
     Raises:
         InputError: for joints of several coordinates, joints in two pairs, or forces with states.
@@ -32,13 +33,13 @@ class Exchange:
         if joints and mech.states:
             raise InputError(f"exchange: forces with states are not exchanged, got {', '.join(mech.states)}")
         model = mech.model
-        simple = [n for n in mech.joint_names if model.joints[model.getJointId(n)].nq == 1]
+        single = [n for n in mech.joint_names if model.joints[model.getJointId(n)].nq == 1]
         self.of_q, self.of_v, self.states, seen = np.eye(mech.nq), np.eye(mech.nv), len(mech.states), set[str]()
         for first, text in joints.items():
             second, sign = str(text).removeprefix("-"), -1.0 if str(text).startswith("-") else 1.0
             for name in {first, second}:
-                if name not in simple:
-                    raise UnknownNameError("joint of one coordinate", name, simple)
+                if name not in single:
+                    raise UnknownNameError("joint of one coordinate", name, single)
                 if name in seen:
                     raise InputError(f"exchange: joint {name!r} is in two pairs")
                 seen.add(name)
@@ -47,7 +48,7 @@ class Exchange:
                 P[i, i] = P[j, j] = 0.0
                 P[i, j] = P[j, i] = sign
 
-    def moved(self, q: Array) -> Array:
+    def apply(self, q: Array) -> Array:
         """Return P q, (nq,)."""
         return self.of_q @ q
 
@@ -66,5 +67,5 @@ class Exchange:
     def of_state(self, y: Array) -> Array:
         """Return y = (q, v, s, work) with exchanged joints, (n,)."""
         nq, out = len(self.of_q), y.copy()
-        out[:nq], out[nq : nq + len(self.of_v)] = self.moved(y[:nq]), self.of_v @ y[nq : nq + len(self.of_v)]
+        out[:nq], out[nq : nq + len(self.of_v)] = self.apply(y[:nq]), self.of_v @ y[nq : nq + len(self.of_v)]
         return out

@@ -26,9 +26,9 @@ class FlowTangent:
     Attributes:
         fixed: tangent of the end at a fixed time, (ny, m).
         dt: tangent of the time of the section, (m,); zeros for a fixed duration.
-        rate: y' there, in the tangent, (ny,).
+        rate: y' at the end, in the tangent, (ny,).
         first_rate: y' at the first node, (ny,).
-        start: tangent of the first node, (ny, m), before controllers sample.
+        start: tangent of the first node before sampling by controllers, (ny, m).
         energy: gradient of the energy at the first node, (ny,).
     """
 
@@ -51,8 +51,8 @@ class Flow:
 
     Attributes:
         mechanism: the mechanism.
-        parameters: the varied parameters, bound to it.
-        options: of `mbdae.solve`.
+        parameters: the varied parameters, bound to the mechanism.
+        options: options of `mbdae.solve`.
     """
 
     mechanism: Mechanism
@@ -82,7 +82,7 @@ class Flow:
         return sol
 
     def tangent(self, sol: Solution, dy: Array, section: str | None) -> FlowTangent:
-        """Return the tangent of a run for variations dy (ny, m) of the start; the last k are parameters'.
+        """Return the tangent of a run for variations dy (ny, m) of the start; the last k are those of parameters.
 
         Raises:
             InputError: for runs without derivatives.
@@ -98,7 +98,7 @@ class Flow:
         dt, energy = found.dt[-1], trajectory.sensitivity.energy(*trajectory.system.split(y)).sum(axis=0)[: len(dy)]
         fixed = found.dy[-1] - np.outer(rate, dt)
         start, states = found.dy[0].copy(), slice(2 * self.mechanism.nv, None)
-        start[states] = dy[states]  # before controllers sample
+        start[states] = dy[states]  # before sampling by controllers
         return FlowTangent(fixed, dt, rate, first_rate, start, energy)
 
 
@@ -110,10 +110,10 @@ def _cause(sol: Solution) -> str:
 
 
 def require_same_rows(before: Solution, after: Solution) -> None:
-    """Require that a run ends with the active rows with which the next one begins: they have the same coordinates.
+    """Require the same active rows at the end of a run and at the start of the next: local coordinates depend on them.
 
     Raises:
-        InputError: names the first switch that differs, and what to do.
+        InputError: names the first switch that differs, with advice.
     """
     last, first = before.mode(len(before.nodes[0]) - 1), after.mode(0)
     for switch, x, y in zip(before.mechanism.switches, last, first, strict=True):

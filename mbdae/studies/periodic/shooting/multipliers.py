@@ -43,7 +43,7 @@ def periodic_eigenvalues(factors: Sequence[Array]) -> Array:
 
 
 def _blocks(Q_return: Array) -> list[slice]:
-    """Return the diagonal blocks of an orthogonal matrix (n, n) that couple with no others, up to rounding."""
+    """Return the decoupled diagonal blocks of an orthogonal matrix (n, n), up to rounding."""
     n, starts = len(Q_return), [0]
     for i in range(1, n):
         coupling = max(np.abs(Q_return[i:, :i]).max(), np.abs(Q_return[:i, i:]).max())
@@ -66,17 +66,17 @@ def _sorted(values: Array) -> Array:
 
 
 def on_quotient(factors: Sequence[Array], known: Sequence[Array]) -> list[Array]:
-    """Return the factors without known directions, on their orthogonal complements.
+    """Return the factors on the orthogonal complements of known directions.
 
-    Right directions W_i, M_i W_i-1 in span W_i, leave a quotient; rows E_i, E_i M_i in span E_i-1, with E_i W_i = 0, a
-    subspace of it.
+    Invariant columns W_i, M_i W_i-1 in span W_i, are factored out to a quotient; invariant rows E_i, E_i M_i in span
+    E_i-1, with E_i W_i = 0, restrict it to a subspace.
 
     Args:
         factors: M_1, ..., M_k, each (n, n).
-        known: [W_i, E_i^T] at the start of each segment, (n, m_i), the same number of independent columns everywhere.
+        known: [W_i, E_i^T] at the start of each segment, (n, m_i), with the same number of independent columns.
     """
     bases = []
     for columns in known:
         U, S, _ = np.linalg.svd(columns)
         bases.append(U[:, np.count_nonzero(RANK * S[:1].max(initial=0.0) < S) :])
-    return [there.T @ M @ here for M, here, there in zip(factors, bases, [*bases[1:], bases[0]], strict=True)]
+    return [end.T @ M @ start for M, start, end in zip(factors, bases, [*bases[1:], bases[0]], strict=True)]
