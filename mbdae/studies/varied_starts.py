@@ -48,7 +48,7 @@ class RunGroup(NamedTuple):
 
     Attributes:
         mech: a mechanism with the parameters of the runs, but perhaps with other start values.
-        begin: returns the runs that can begin with this mechanism. Each remaining run forms a group of its own, unless
+        begin: returns the runs that can begin with this mechanism. Each remaining run forms its own group, unless
             its mechanism cannot be made.
     """
 
