@@ -164,7 +164,8 @@ def test_rank_is_one_of_geometry_and_not_of_masses(tmp_path):
 def test_nonsense_is_no_success(options):
     done = CliRunner().invoke(cli, ["solve", "four_bar", "-t", "100", *options])
     assert done.exit_code == 1
-    assert "doubtful" in done.output or "nonfinite" in done.output or "chart" in done.output
+    ends = "doubtful", "nonfinite", "chart", "a motion with a violation of"  # rounding decides how it ends
+    assert any(words in done.output for words in ends), done.output
 
 
 def test_a_doubtful_run_names_the_open_closure_and_the_remedy():
