@@ -154,7 +154,7 @@ class System(Protocol):
         ny: length of tangent vectors; a point y has n components, more than ny if it contains quaternions.
         nz: number of constraints.
         counts: the work done so far.
-        measured: the components of a tangent vector that enter error norms.
+        error_components: the components of a tangent vector that enter error norms.
         native: the compiled core, if it computes points and steps.
         accuracy: tolerance of Newton's iteration, relative to the size of y, in controlled steps of collocation
             methods; 0 iterates to rounding.
@@ -163,7 +163,7 @@ class System(Protocol):
     ny: int
     nz: int
     counts: Counts
-    measured: slice
+    error_components: slice
     native: ModuleType | None = None
     accuracy: float = 0.0
 

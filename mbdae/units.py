@@ -1,7 +1,7 @@
 """Units that users choose for files and results in place of SI units, and their factors.
 
 A unit is a string, ``"N m/rad"``: symbols with powers, separated by spaces, and the denominator after a slash.
-All computations are in SI units with angles in rad; numbers of files are converted when they are read, results when
+All computations are in SI units with angles in rad; numbers in files are converted when they are read, results when
 they are shown.
 """
 
@@ -18,25 +18,25 @@ from .errors import InputError, UnknownNameError
 
 
 class Factor(NamedTuple):
-    """A factor ratio pi^k; decimal fractions stay exact, so that 120 mm are the same number as 0.12 m."""
+    """A factor ratio pi^pi_power; decimal fractions stay exact, so that 120 mm are the same number as 0.12 m."""
 
     ratio: Fraction
-    pi: int = 0
+    pi_power: int = 0
 
     def power(self, k: int) -> "Factor":
         """Return the k-th power."""
-        return Factor(self.ratio**k, self.pi * k)
+        return Factor(self.ratio**k, self.pi_power * k)
 
     def times(self, other: "Factor") -> "Factor":
         """Return the product."""
-        return Factor(self.ratio * other.ratio, self.pi + other.pi)
+        return Factor(self.ratio * other.ratio, self.pi_power + other.pi_power)
 
     def apply(self, x: Any) -> Any:
         """Return x times the factor; numbers and arrays."""
         if self == ONE:
             return x
         y = x * float(self.ratio.numerator) / float(self.ratio.denominator)
-        return y * math.pi**self.pi if self.pi else y
+        return y * math.pi**self.pi_power if self.pi_power else y
 
 
 ONE = Factor(Fraction(1))
@@ -56,7 +56,7 @@ DIMENSIONS: dict[str, dict[str, Factor]] = {  # dimension: units by name in SI u
     "torque": {"N m": ONE, "N mm": Factor(Fraction(1, 1000)), "N cm": Factor(Fraction(1, 100)),
                "kN m": Factor(Fraction(1000)), "lbf in": Factor(Fraction("0.1129848290276167")),
                "lbf ft": Factor(Fraction("1.3558179483314004"))},
-    "rotation": {"rad/s": ONE, "rpm": Factor(Fraction(1, 30), 1)},
+    "angular velocity": {"rad/s": ONE, "rpm": Factor(Fraction(1, 30), 1)},
     "pressure": {"N/m^2": ONE} | _named(Pa=1, kPa=1000, MPa=1000000, GPa=1000000000, bar=100000),
     "energy": _named(J=1, mJ="1/1000", kJ=1000),
     "power": _named(W=1, mW="1/1000", kW=1000),

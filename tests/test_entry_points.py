@@ -36,7 +36,7 @@ class HouseElement(ForceElement):
         super().__init__(name)
         self.i, self.c = i, c
 
-    def torque(self, t, q, v):
+    def generalized_force(self, t, q, v):
         tau = np.zeros(len(v))
         tau[self.i] = -self.c * abs(v[self.i]) * v[self.i]
         return 0.0, tau

@@ -70,7 +70,7 @@ def method_from_settings(settings: Mapping[str, Any]) -> Method:
     return tableau(custom, "the tableau of a run") if custom else method(settings["method"])
 
 
-def obstacle(method: Any, system: System) -> str:
+def unsupported_reason(method: Any, system: System) -> str:
     """Return why a method cannot integrate a problem: a missing package, or an excluded feature; "" if it can."""
     if reason := getattr(method, "missing", ""):
         return str(reason)

@@ -168,7 +168,8 @@ class _Stages:
         accuracy: float = 0.0,
     ) -> None:
         self.chart, self.a, self.t, self.h, self.max_iterations = chart, a, t, h, max_iterations
-        self.counts, self.measured, self.size, self.accuracy = system.counts, system.measured, size, accuracy
+        self.counts, self.error_components = system.counts, system.error_components
+        self.size, self.accuracy = size, accuracy
 
     def solve(self, K: Array, Z: Array, partials: Linearization, solvers: list[Solver]) -> StageMemory:
         """Iterate from a guess of K (s, ny) and Z (s, m).
@@ -268,14 +269,14 @@ class _Stages:
 
     def _displacements(self, K: Array) -> Array:
         """Return the measured components of X = h A K, (s, .)."""
-        return self.h * self.a.A.dot(K)[:, self.measured]
+        return self.h * self.a.A.dot(K)[:, self.error_components]
 
     def _scale(self, K: Array) -> Array:
         """Return the size of y plus its change in the step, at least a thousandth of the largest component.
 
         The change is that of the initial guess; at rest without forces, where it is zero, that of the first correction.
         """
-        scale = self.size[self.measured] + np.abs(self._displacements(K)).max(axis=0)
+        scale = self.size[self.error_components] + np.abs(self._displacements(K)).max(axis=0)
         return scale + NEGLIGIBLE * scale.max(initial=0.0)
 
     def _norm(self, dK: Array, scale: Array) -> float:

@@ -12,7 +12,7 @@ from typing import Union
 
 @dataclass(frozen=True)
 class Surd:
-    """The number ``a + b sqrt(d)`` with rational a, b and a square-free integer d > 1."""
+    """The number ``a + b sqrt(d)`` with rational a, b and an integer d > 1 that is no square."""
 
     a: Fraction
     b: Fraction
@@ -83,10 +83,12 @@ def exact(text: str) -> Number:
         rounded = float(value)
     except (SyntaxError, ZeroDivisionError):
         raise ValueError(f"not an exact number: {text!r:.60}") from None
-    except (OverflowError, RecursionError, MemoryError):  # nested brackets exhaust the parser
-        raise ValueError(f"not an exact number in double precision: {text!r:.60}") from None
+    except (RecursionError, MemoryError):  # nested brackets exhaust the parser
+        raise ValueError(f"too many nested brackets: {text!r:.60}") from None
+    except OverflowError:
+        raise ValueError(f"outside the range of double precision: {text!r:.60}") from None
     if not rounded and value:
-        raise ValueError(f"not an exact number in double precision: {text!r:.60}")
+        raise ValueError(f"outside the range of double precision: {text!r:.60}")
     return value
 
 

@@ -111,7 +111,7 @@ class HessenbergSystem(System):
         self.problem = problem
         self.ny, self.nz = len(problem.y0), len(problem.z0)
         self.counts = Counts()
-        self.measured = slice(None)
+        self.error_components = slice(None)
         y, z = np.array(problem.y0, float), np.array(problem.z0, float)
         self._roots: dict[bytes, Array] = {y.tobytes(): z}  # z at the last points, as initial values of Newton's method
 

@@ -89,7 +89,7 @@ class Probe(System):
     """y' = e_i at the i-th stage, whatever is solved: shows the coefficients of a step."""
 
     def __init__(self, n):
-        self.ny, self.nz, self.counts, self.measured = n, n, Counts(), slice(None)
+        self.ny, self.nz, self.counts, self.error_components = n, n, Counts(), slice(None)
         self.unknowns, self.points = (), []
 
     def chart(self, t, y):

@@ -22,7 +22,7 @@ class Probe(System):
     """A problem whose i-th stage has the derivative e_i, so that every point shows its coefficients."""
 
     def __init__(self, n):
-        self.ny, self.nz, self.counts, self.measured = n, 1, Counts(), slice(None)
+        self.ny, self.nz, self.counts, self.error_components = n, 1, Counts(), slice(None)
         self.stages, self.done = [], 0
 
     def chart(self, t, y):

@@ -23,8 +23,8 @@ HARNESS = """
 #include "drag.cpp"
 
 // Four velocities; the law needs no kinematics.
-mbdae::MultibodyTree::MultibodyTree(const void*, const Tolerances& limits, std::vector<ModalBody>)
-    : limits(limits), nq(4), nv(4), joints(5) {}
+mbdae::MultibodyTree::MultibodyTree(const void*, const Tolerances& tolerances, std::vector<ModalBody>)
+    : tolerances(tolerances), nq(4), nv(4), joints(5) {}
 struct mbdae::MultibodyTree::Workspace {};
 mbdae::MultibodyTree::~MultibodyTree() {}
 
@@ -90,7 +90,7 @@ def test_the_force_in_python_has_the_derivatives_of_its_formula():
     expected = np.zeros((4, 6))
     expected[1, 3 + 1], expected[3, 3 + 1] = -2 * 0.7 * 3.0, 3 * 0.7 * 3.0**2
     np.testing.assert_allclose(law.partials(0.0, np.zeros(3), v, np.empty(0)), expected, rtol=1e-15)
-    np.testing.assert_allclose(law.torque(0.0, np.zeros(3), v)[1], [0.0, 0.7 * 3.0**2, 0.0], rtol=1e-15)
+    np.testing.assert_allclose(law.generalized_force(0.0, np.zeros(3), v)[1], [0.0, 0.7 * 3.0**2, 0.0], rtol=1e-15)
 
 
 @compiler

@@ -89,7 +89,7 @@ def test_a_step_that_does_not_converge_is_named():
 def test_malformed_numbers_are_rejected():
     native = mbdae.backend.load()
     iteration = METHODS["alpha"].iteration(native)
-    with pytest.raises(ValueError, match="a node more than weights"):
+    with pytest.raises(ValueError, match="one more node than weights"):
         native.Composition(weights=np.ones(3), nodes=np.ones(3), iteration=iteration)
     with pytest.raises(ValueError, match="beta and gamma positive"):
         native.GeneralizedAlpha(alpha_m=0.1, alpha_f=0.2, beta=0.0, gamma=0.5, stabilized=True, iteration=iteration)

@@ -8,7 +8,7 @@ from ...backend import checked_backend, select_core, status
 from ...errors import InputError
 from ...mechanism import Mechanism, NotCompiled
 from ...mechanism.formulations.compiled_systems import CompiledSystem
-from ...methods import obstacle
+from ...methods import unsupported_reason
 from ...methods.variational import NewtonMethod
 from ...solution.solution import Problem
 from ...system import Array, System
@@ -60,7 +60,7 @@ def prepare_at(problem: Problem, options: RunOptions, y: Array) -> RunState:
 def _bind(problem: Problem, o: RunOptions) -> tuple[System, str]:
     """Bind a problem to a workspace, see `bind`, and check that the method of the run can integrate it."""
     system, fallback = bind(problem, o.formulation, o.baumgarte, o.backend)
-    if reason := obstacle(o.method, system):
+    if reason := unsupported_reason(o.method, system):
         raise InputError(reason)
     return system, fallback
 
@@ -85,7 +85,7 @@ def _make_run(
 
 def _stepper(system: System, o: RunOptions) -> Stepper:
     inner = _python_stepper(system, o)
-    n = len(range(system.ny)[system.measured])
+    n = len(range(system.ny)[system.error_components])
     if (shape := getattr(o.atol, "shape", ())) not in ((), (n,)):
         raise InputError(f"atol is one number or one for each of {n} components, got shape {shape}")
     if not system.native or isinstance(o.method, LibrarySolver) or not o.method.in_core:

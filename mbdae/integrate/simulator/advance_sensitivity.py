@@ -14,7 +14,7 @@ from ...mechanism.equations.local_ode import UNIT
 from ...mechanism.formats.mechanism_file.loaded_model import LoadedModel, parameter_value
 from ...mechanism.formulations.core_description import samplers_of
 from ...mechanism.inputs import Inputs
-from ...mechanism.time_functions.perturbed_input import AdvanceSpan, PerturbedInput
+from ...mechanism.time_functions.perturbed_input import CommunicationStep, PerturbedInput
 from ...solution.solution import Solution
 from ...system import Array
 from ..run.run_state import RunState
@@ -45,7 +45,7 @@ class AdvanceParameters:
     Attributes:
         names: names of the parameters.
         linear: names of the inputs that are linear over an advance.
-        span: time span of the last advance.
+        communication_step: of the last advance.
         bound: inputs, their values before the advance, and parameters, as parameters of the mechanism.
         columns: names of these.
 
@@ -57,7 +57,7 @@ class AdvanceParameters:
     def __init__(self, inputs: Inputs, names: Sequence[str], at: Any, mode: tuple[int, ...]) -> None:
         if isinstance(names, str) or not all(isinstance(name, str) for name in names):
             raise InputError(f"parameters are given by dotted names, got {names!r:.60}")
-        self.inputs, self.names, self.span = inputs, tuple(names), AdvanceSpan()
+        self.inputs, self.names, self.communication_step = inputs, tuple(names), CommunicationStep()
         self.linear = [name for name, cell in inputs.user_inputs.items() if cell.hold == "first"]
         values = dict.fromkeys([*inputs.user_inputs, *(BEFORE + name for name in self.linear)], UNIT)
         if names:
@@ -76,8 +76,8 @@ class AdvanceParameters:
             return self.inputs.replaced(self.inputs.user_inputs, self.template.make(changed))
         offsets = {name: x - UNIT for name, x in values.items()}
         varied = {
-            name: PerturbedInput.of(cell, self.span, offsets.get(BEFORE + name, 0.0), offsets.get(name, 0.0))
-            for name, cell in self.inputs.user_inputs.items()
+            name: PerturbedInput.of(u, self.communication_step, offsets.get(BEFORE + name, 0.0), offsets.get(name, 0.0))
+            for name, u in self.inputs.user_inputs.items()
         }
         return self.inputs.replaced(varied)
 
@@ -131,7 +131,7 @@ class AdvanceSensitivity:
             self._require_autonomous()
         for (t0, t1), parts in zip(pairwise(self.trajectory.ts.tolist()), self._steps(), strict=True):
             shifted = dp + self._scaled_inputs(t0, dt) if scaled else dp
-            dh = (dt * (t1 - t0) / self.parameters.span.length,) if scaled else ()
+            dh = (dt * (t1 - t0) / self.parameters.communication_step.size,) if scaled else ()
             for part in parts:
                 dy, carry = part.forward(dy, carry, shifted, *(dh if isinstance(part, NativeStep) else ()))
             out.append(dy)
@@ -151,12 +151,12 @@ class AdvanceSensitivity:
 
         Derivatives with respect to the step size hold t constant; the remainder is -u' (t' - t) dt/length at t'.
         """
-        p, span = self.parameters, self.parameters.span
+        p, step = self.parameters, self.parameters.communication_step
         out = np.zeros((len(p.columns), len(dt)))
         for name in p.linear:
-            change = p.inputs.user_inputs[name].setting.rate * dt / span.length
-            out[p.columns.index(BEFORE + name)] = change * (t - span.start)
-            out[p.columns.index(name)] = -change * (span.start + span.length - t)
+            change = p.inputs.user_inputs[name].setting.rate * dt / step.size
+            out[p.columns.index(BEFORE + name)] = change * (t - step.start)
+            out[p.columns.index(name)] = -change * (step.start + step.size - t)
         return out
 
     def adjoint(self, bar: Array) -> tuple[Array, Array]:
@@ -176,8 +176,8 @@ class AdvanceSensitivity:
         """
         m, trajectory, cells = self.sol.mechanism, self.trajectory, list(self.parameters.inputs.user_inputs.values())
         if samplers_of(trajectory.system.laws) or any(trajectory.jumped[1:]):
-            obstacle = "sampling times or jumps within the advance do not scale with dt"
-            raise InputError(f"{obstacle}: no derivative with respect to dt")
+            reason = "sampling times or jumps within the advance do not scale with dt"
+            raise InputError(f"{reason}: no derivative with respect to dt")
         settings = [cell.setting for cell in cells]
         try:
             for cell in cells:

@@ -169,7 +169,8 @@ class DifferentiableAdvance:
             q, v, s, _ = np.split(run.ys[last.node], np.cumsum([m.nq, m.nv, len(m.states)]))
             self._bound = AdvanceParameters(self.inputs, parameters, (last.t, q, v, s), mode)
             self._differentiated = None
-        self._bound.span.start, self._bound.span.length = last.t, last.dt
+        step = self._bound.communication_step
+        step.start, step.size = last.t, last.dt
         if self._differentiated is None:
             self._differentiated = AdvanceSensitivity(run, last, self._bound)
         return self._differentiated

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from ..run.run_state import RunState
 
 SMALLEST_RTOL = 100 * EPS
-# Hairer's algorithm: small norms, and h_0 for them; h_1 / h_0 at rest; change of y in h_0; largest h_1 / h_0.
+# Hairer's starting step: norms below which the default h_0 is taken; h_1/h_0 where y' and y'' vanish; relative change
+# of y in h_0; largest h_1/h_0.
 STARTING_STEP = {"small_norm": 1e-5, "default_step": 1e-6, "reduction": 1e-3, "change": 0.01, "growth": 100.0}
 
 
@@ -67,8 +68,9 @@ class Adaptive(PythonStepper):
 
     def error(self, run: "RunState", step: Step) -> float:
         """Return the error norm of a step; the step is accepted up to 1."""
-        scale = self._scale(run, step.state.y) + run.system.noise(step.state.y, run.tableau.noise)[run.system.measured]
-        return error_norm(step.errors[:, run.system.measured], scale, run.tableau.blend)
+        s, y = run.system, step.state.y
+        scale = self._scale(run, y) + s.noise(y, run.tableau.noise)[s.error_components]
+        return error_norm(step.errors[:, s.error_components], scale, run.tableau.blend)
 
     def may_retry(self, run: "RunState", h: float, reason: StepError) -> bool:
         """Return whether to retry a failed step with a smaller step size."""
@@ -83,8 +85,8 @@ class Adaptive(PythonStepper):
             self.h, self.reason, self._reason = max(self.h, self.size_before_truncation), self._reason, ""
         return error <= 1
 
-    def tolerance_norms(self, run: "RunState", y: Array, moves: Array) -> list[float]:
-        return root_mean_squares(moves[:, run.system.measured] / self._scale(run, y))
+    def tolerance_norms(self, run: "RunState", y: Array, displacements: Array) -> list[float]:
+        return root_mean_squares(displacements[:, run.system.error_components] / self._scale(run, y))
 
     def ready_for_core(self, run: "RunState") -> bool:
         """Choose the first step size, if unknown; the compiled core may take the next steps."""
@@ -107,7 +109,7 @@ class Adaptive(PythonStepper):
         return {"rtol": float(self.rtol), "atol": self.atol.tolist()}
 
     def _scale(self, run: "RunState", y: Array) -> Array:
-        m = run.system.measured
+        m = run.system.error_components
         size = np.maximum(run.system.component_magnitudes(run.state.y)[m], run.system.component_magnitudes(y)[m])
         return self.atol + self.rtol * size + TINY
 
@@ -126,7 +128,7 @@ class Adaptive(PythonStepper):
             return h_of_core
         small_norm, default_step, reduction, change, growth = STARTING_STEP.values()
         left, power = data["left"], data["power"]
-        scale, m = self._scale(run, y), s.measured
+        scale, m = self._scale(run, y), s.error_components
 
         def norm(x: Array) -> float:
             return float(np.sqrt(np.mean((x[m] / scale) ** 2)))

@@ -95,10 +95,10 @@ class Fixed(PythonStepper):
         self.i -= self.on_grid
         self.on_grid = False
 
-    def tolerance_norms(self, run: "RunState", y: Array, moves: Array) -> list[float]:
+    def tolerance_norms(self, run: "RunState", y: Array, displacements: Array) -> list[float]:
         """Return the largest components of displacements of the state from y, in units of `FIXED_STEP_TOLERANCE`."""
-        scale, m = FIXED_STEP_TOLERANCE * run.system.characteristic_magnitudes(y) + TINY, run.system.measured
-        return (np.abs(moves) / scale)[:, m].max(axis=1, initial=0.0).tolist()
+        scale, m = FIXED_STEP_TOLERANCE * run.system.characteristic_magnitudes(y) + TINY, run.system.error_components
+        return (np.abs(displacements) / scale)[:, m].max(axis=1, initial=0.0).tolist()
 
     def ready_for_core(self, run: "RunState") -> bool:
         """Return whether the compiled core may take the next steps: only on the grid."""

@@ -103,7 +103,7 @@ class Ida(LibraryStepper):
 
     def _tolerances(self, y: Array, F: Array, z: Array) -> Array:
         """Return absolute tolerances of y, and of Z: changes of Z that change y by its tolerance, (n + m,)."""
-        s, at = self.system, self.system.measured
+        s, at = self.system, self.system.error_components
         E, _, L, _ = self.chart.linearize(np.zeros(s.ny), F, z).matrices()
         f_z = np.abs(np.linalg.solve(E, L))[at]
         tolerances_y = np.full(len(y), UNCONTROLLED)

@@ -145,8 +145,8 @@ class NativeStepper(Stepper):
     def take(self, run: "RunState", h: float) -> Step:
         return self.inner.take(run, h)
 
-    def tolerance_norms(self, run: "RunState", y: Array, moves: Array) -> list[float]:
-        return self.inner.tolerance_norms(run, y, moves)
+    def tolerance_norms(self, run: "RunState", y: Array, displacements: Array) -> list[float]:
+        return self.inner.tolerance_norms(run, y, displacements)
 
     def settings(self) -> JsonObject:
         return self.inner.settings()

@@ -78,7 +78,7 @@ class Stepper(ABC):
         """Take a step of size h (signed) from the current state; nothing is recorded."""
 
     @abstractmethod
-    def tolerance_norms(self, run: "RunState", y: Array, moves: Array) -> list[float]:
+    def tolerance_norms(self, run: "RunState", y: Array, displacements: Array) -> list[float]:
         """Return the norms of displacements of the state from y, (k, ny), in units of the tolerance."""
 
     def tolerates(self, run: "RunState", y: Array, move: Array) -> bool:

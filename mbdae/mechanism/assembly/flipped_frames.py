@@ -50,7 +50,7 @@ def residuals_with_directions(system: "Index2System", q: Array, t: float) -> tup
             continue
         cosines, W = DotProduct1(*closure.coinciding_axes()).value(bound.pair)
         values.append(cosines - 1)
-        by_q = np.array([bound.pair.torque(w) for w in W.T]).reshape(-1, system.nv)
+        by_q = np.array([bound.pair.generalized_force(w) for w in W.T]).reshape(-1, system.nv)
         partials.append(by_q * system.mechanism.coordinate_scales)
     return np.concatenate(values), np.vstack(partials)
 

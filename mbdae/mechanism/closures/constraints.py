@@ -243,7 +243,7 @@ class Constraints:
                 B[s, at] = local.power(w, Da, Db)
                 F += w.dot(lam[s])
                 D += lam[s].dot(Da.reshape(-1, 36)), lam[s].dot(Db.reshape(-1, 36))
-            K[at[:, None], at] += local.torque(F, *D.reshape(2, 6, 6))
+            K[at[:, None], at] += local.generalized_force(F, *D.reshape(2, 6, 6))
         for row in self.joint_rows if names is None else ():
             row.partials(v, float(lam[row.at]), K, B[row.at])
         B[self.inactive] = 0.0

@@ -1,9 +1,9 @@
 """Contact kinematics of a convex body of b that rolls on a surface of a.
 
-n is the surface's normal towards b and p the lowest point of the body, p_b - R_b grad h(R_b^T n) with its support
-function h. The height over the surface is g = n . (p - p_a); its row is along n, since h is stationary in n at the
-lowest point. No-slip rows are along tangents. With the axle s of a wheel and n up, t = s x n/|s x n| points forwards
-and n x t to the left.
+n is the surface's normal towards b and p the lowest point of the body, p_b - R_b grad h(R_b^T n), where h(n) is the
+support function of the body in the direction -n. The gap is g = n . (p - p_a); its row is along n, since n . x is
+stationary over the points x of the body's surface at the lowest point. No-slip rows are along tangents. With the axle s
+of a wheel and n up, t = s x n/|s x n| points forwards and n x t to the left.
 
     wheel        h = tyre + rim |m|, m = n - (n . s) s, u = m/|m|:   p = p_b - rim u - tyre n
     ellipsoid    h = sqrt(n . D n) - c . n, D = diag(a_i^2):         p = p_b + c - D n/sqrt(n . D n)
@@ -27,7 +27,7 @@ from .rows import axis_rates, inner, point_velocity_column
 
 
 class ContactKinematics(NamedTuple):
-    """Nearest points of body and surface, and their rates; columns (3, 1)."""
+    """Normal of the surface and contact point on the body, and their rates; columns (3, 1)."""
 
     n: Array
     p: Array
@@ -46,7 +46,7 @@ class ConvexBody:
         semi_axes: of an ellipsoid in m, (3,), or None.
         centre: of an ellipsoid in m, (3,).
         surface: ``"plane"`` with normal z, ``"sphere"`` or ``"cylinder"`` about z.
-        curve: radius of a sphere or cylinder in m, negative where the body rolls inside.
+        surface_radius: radius of a sphere or cylinder in m, negative where the body rolls inside.
     """
 
     axle: tuple[float, float, float] | None
@@ -55,7 +55,7 @@ class ConvexBody:
     semi_axes: tuple[float, float, float] | None
     centre: tuple[float, float, float]
     surface: str
-    curve: float
+    surface_radius: float
 
     def core_data(self) -> CoreData:
         """Return the core data of the shape."""
@@ -63,7 +63,7 @@ class ConvexBody:
         return {
             "rim": self.rim,
             "tyre": self.tyre,
-            "curve": self.curve,
+            "curve": self.surface_radius,
             "parallel": PARALLEL,
             "axle": list(self.axle or zero),
             "squares": [a * a for a in self.semi_axes or zero],
@@ -73,7 +73,7 @@ class ConvexBody:
         }
 
     def contact_kinematics(self, pair: Pair) -> ContactKinematics:
-        """Return the nearest points, and their rates for the velocities of the pair."""
+        """Return normal and contact point, and their rates for the velocities of the pair."""
         n, dn = self.normal(pair)
         pb, vb = pair.pb[:, None], point_velocity_column(pair.Vb, pair.pb)
         if self.semi_axes:
@@ -81,19 +81,18 @@ class ConvexBody:
             D = (R * np.square(self.semi_axes)).dot(R.T)
             c = R.dot(np.array(self.centre)[:, None])
             Dn = D.dot(n)
-            spin = dn - axis_rates(w, n)
+            dn_relative = dn - axis_rates(w, n)
             size = np.sqrt(inner(n, Dn))
-            dDn = axis_rates(w, Dn) + D.dot(spin)
+            dDn = axis_rates(w, Dn) + D.dot(dn_relative)
             grad = Dn / size
-            return ContactKinematics(
-                n, pb + c - grad, dn, vb + axis_rates(w, c) - (dDn - grad * inner(grad, spin)) / size
-            )
+            dgrad = (dDn - grad * inner(grad, dn_relative)) / size
+            return ContactKinematics(n, pb + c - grad, dn, vb + axis_rates(w, c) - dgrad)
         p, dp = pb - self.tyre * n, vb - self.tyre * dn
         if self.rim and self.axle:
             s = self.axis(pair)
             ds, along = axis_rates(pair.Vb, s), inner(n, s)
             m = n - along * s
-            _require_inclined(m)
+            _require_not_flat(m)
             u, du = unit(m, dn - (inner(dn, s) + inner(n, ds)) * s - along * ds)
             p, dp = p - self.rim * u, dp - self.rim * du
         return ContactKinematics(n, p, dn, dp)
@@ -109,16 +108,16 @@ class ConvexBody:
             along = inner(z, d)
             d, dd = d - along * z, dd - along * dz - (inner(dz, d) + inner(z, dd)) * z
         if not inner(d, d):
-            where = "the centre of its sphere" if self.surface == "sphere" else "the axis of its cylinder"
-            raise StepError("singular", f"a rolling body lies in {where}: the surface has no normal there")
+            where = "at the centre of its sphere" if self.surface == "sphere" else "on the axis of its cylinder"
+            raise StepError("singular", f"the centre of a rolling body is {where}: the surface has no normal there")
         n, dn = unit(d, dd)
-        return (n, dn) if self.curve > 0 else (-n, -dn)
+        return (n, dn) if self.surface_radius > 0 else (-n, -dn)
 
     def height(self, pair: Pair) -> float:
         """Return the gap in m."""
         contact = self.contact_kinematics(with_zero_velocity(pair))
         height = float(inner(contact.n, contact.p - pair.pa[:, None]))
-        return height if self.surface == "plane" else height - self.curve
+        return height if self.surface == "plane" else height - self.surface_radius
 
     def axis(self, pair: Pair) -> Array:
         """Return the axle in the world, (3, 1)."""
@@ -127,13 +126,13 @@ class ConvexBody:
     def heading(self, pair: Pair, n: Array, dn: Array) -> tuple[Array, Array]:
         """Return a tangent and its rate: forwards for a wheel; else x of a on a plane, or around the z axis of a.
 
-        On a sphere it is x of a, reflected at the plane that maps z of a to -n. It varies continuously, except at
+        On a sphere it is x of a, reflected in the plane that maps z of a to -n. It varies continuously, except at
         n = -z, as required for slip directions, which are stored as components along the tangents.
         """
         if self.axle:
             s = self.axis(pair)
             forward, rate = cross_with_rate(s, axis_rates(pair.Vb, s), n, dn)
-            _require_inclined(forward)
+            _require_not_flat(forward)
             return unit(forward, rate)
         x, z = pair.Ra[:, :1], pair.Ra[:, 2:]
         if self.surface == "plane":
@@ -200,6 +199,6 @@ def _offset(pair: Pair) -> tuple[Array, Array]:
     return (pair.pb - pair.pa)[:, None], velocity
 
 
-def _require_inclined(x: Array) -> None:
+def _require_not_flat(x: Array) -> None:
     if not np.sqrt(inner(x, x)).real > PARALLEL:
         raise StepError("singular", "the wheel lies flat: it has no lowest point")

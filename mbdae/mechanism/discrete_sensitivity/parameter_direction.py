@@ -196,7 +196,7 @@ class LawDifferences:
 
     def values(self, t: float, q: Array, v: Array, s: Array) -> dict[int, Array]:
         """Return (tau, s', power) with the perturbed values, (nv + ns + 1,)."""
-        return {k: np.concatenate(f.torque(t, q, v, s[self.at])) for k, f in self.perturbed.items()}
+        return {k: np.concatenate(f.generalized_force(t, q, v, s[self.at])) for k, f in self.perturbed.items()}
 
     def add(self, out: Array, t: float, q: Array, v: Array, s: Array) -> None:
         """Add the partial derivatives of (tau, s', power), (nv + ns + 1,)."""

@@ -24,7 +24,7 @@ from ..formulations.core_description import samplers_of
 from ..formulations.index2 import Index2System
 from ..inputs import Inputs
 from ..time_functions.input_functions import InputSetting
-from ..time_functions.perturbed_input import AdvanceSpan, PerturbedInput
+from ..time_functions.perturbed_input import CommunicationStep, PerturbedInput
 from .local_coordinates import LocalCoordinates
 
 if TYPE_CHECKING:
@@ -114,8 +114,8 @@ class LocalODE(LocalCoordinates):
         if not values:
             return self.mechanism
         change = {name: values.get(name, UNIT) - UNIT for name in self.input_names}
-        inputs, span = self.inputs.user_inputs, AdvanceSpan()
-        return self.inputs.replaced({n: PerturbedInput.of(u, span, change[n], change[n]) for n, u in inputs.items()})
+        inputs, step = self.inputs.user_inputs, CommunicationStep()
+        return self.inputs.replaced({n: PerturbedInput.of(u, step, change[n], change[n]) for n, u in inputs.items()})
 
     def jacobian(self, t: float, x: Array, u: Array | None = None) -> OdeJacobian:
         """Return the exact partial derivatives of x' with respect to x, t and u.

@@ -177,7 +177,7 @@ class Statics:
     def load(self, q: Array) -> Array:
         """Return the scaled forces, (nv,); positions and velocities must be current."""
         s = self.system
-        out = self.loads.torque(self.t, q, self.v, np.empty(0))[0]
+        out = self.loads.generalized_force(self.t, q, self.v, np.empty(0))[0]
         if self.scales_gravity:
             out = out - bias(s.model, s.workspace, q, np.zeros(s.nv))
         return out
@@ -233,7 +233,7 @@ class Statics:
         update_motions(system.model, system.workspace, q, self.v)
         update_poses(system.model, system.workspace, q)
         laws = system.laws.partials(self.t, q, self.v, s)
-        return system.laws.torque(self.t, q, self.v, s)[1][:-1], laws[nv:-1, :nv], laws[nv:-1, 2 * nv :]
+        return system.laws.generalized_force(self.t, q, self.v, s)[1][:-1], laws[nv:-1, :nv], laws[nv:-1, 2 * nv :]
 
 
 def partial_inverse(A: Array, e: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Elastic joints between two frames."""
+"""Bushings: linear springs and dampers in six directions between two frames."""
 
 from typing import Annotated, Literal
 
@@ -19,7 +19,7 @@ Six = tuple[float, float, float, float, float, float]
 
 
 class Bushing(Force):
-    """An elastic joint between two frames: stiffnesses and dampings along the axes x, y, z, rx, ry, rz of the first.
+    """A compliant connection of two frames: stiffness and damping along the axes x, y, z, rx, ry, rz of the first.
 
     With the relative position p = R_a^T (p_b - p_a) and the rotation vector theta = log(R_a^T R_b), both (3,) in axes
     of the first frame, the potential is sum(k_i p_i^2)/2 + sum(k_i theta_i^2)/2. The dampers act on the relative
@@ -45,7 +45,7 @@ class Bushing(Force):
     @model_validator(mode="after")
     def _check_damping(self) -> "Bushing":
         if min(self.damping) < 0:
-            raise ValueError("the dampings of a bushing must not be negative")
+            raise ValueError("the damping coefficients of a bushing must not be negative")
         return self
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:
@@ -69,7 +69,7 @@ class BushingElement(PairElement):
         self.d, self.dr = np.array(spec.damping).reshape(2, 3)
         self.damped = bool(self.d.any() or self.dr.any())
 
-    def torque(self, t: float, q: Array, v: Array) -> tuple[Array, ArrayOrZero]:
+    def generalized_force(self, t: float, q: Array, v: Array) -> tuple[Array, ArrayOrZero]:
         """Return the generalized forces of springs and dampers.
 
         Raises:
@@ -122,7 +122,7 @@ class BushingElement(PairElement):
     def _force_on_b(self, force: Array, moment: Array) -> Array:
         """Return the generalized force of a force and a moment at the origin of b, in axes of a."""
         n, m = self.pair.Ra @ force, self.pair.Ra @ moment
-        return self.pair.torque(np.concatenate([n, m + skew(self.pair.pb) @ n]))
+        return self.pair.generalized_force(np.concatenate([n, m + skew(self.pair.pb) @ n]))
 
     def potential(self, q: Array) -> float:
         p, theta = self.relative_pose()

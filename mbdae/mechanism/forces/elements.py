@@ -77,7 +77,7 @@ class ForceElements:
             if law.direction_undefined():
                 raise coincident(law.name)
 
-    def torque(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
+    def generalized_force(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
         """Return tau (nv,), and s' and the power of non-conservative forces, (ns + 1,)."""
         conservative, other, rates = self.split_torque(t, q, v, s)
         rates[-1] = other.dot(v)

@@ -63,9 +63,9 @@ class ForceElement:
 
     def evaluate(self, t: float, q: Array, v: Array, s: Array) -> tuple[ArrayOrZero, ArrayOrZero, ArrayOrZero]:
         """Return the conservative and the non-conservative part of tau, (nv,) each, and s' (ns,), or 0 for each."""
-        return *self.torque(t, q, v), 0.0
+        return *self.generalized_force(t, q, v), 0.0
 
-    def torque(self, t: float, q: Array, v: Array) -> tuple[ArrayOrZero, ArrayOrZero]:
+    def generalized_force(self, t: float, q: Array, v: Array) -> tuple[ArrayOrZero, ArrayOrZero]:
         """Return both parts of tau of a law without states, conservative and non-conservative, (nv,) each, or 0."""
         raise NotImplementedError
 
@@ -182,7 +182,7 @@ class PairElement(ForceElement):
 
     def time_partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
         self.pair.locate()
-        tau = self.pair.torque(self.wrench_time_rate(t) + np.zeros(6))
+        tau = self.pair.generalized_force(self.wrench_time_rate(t) + np.zeros(6))
         return np.append(tau, tau @ v)
 
     def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
@@ -190,9 +190,9 @@ class PairElement(ForceElement):
         pair, nv = PairPartials(self.pair, v), len(v)
         i, out = pair.at, np.zeros((nv + 1, 2 * nv))  # i: velocities that move the pair
         conservative, other = self.wrench_partials(t, pair.V)
-        K, D = pair.torque(*other), pair.damping(other.C)
+        K, D = pair.generalized_force(*other), pair.damping(other.C)
         out[-1, i], out[-1, nv + i] = v[i].dot(K), v[i].dot(D) + pair.force(other.F)
-        out[i[:, None], i] = K + pair.torque(*conservative)
+        out[i[:, None], i] = K + pair.generalized_force(*conservative)
         out[i[:, None], nv + i] = D + pair.damping(conservative.C)
         return out
 

@@ -37,7 +37,7 @@ class JointElement(ForceElement):
     def acting_components(self, nv: int) -> list[int]:
         return self.rows
 
-    def torque(self, t: float, q: Array, v: Array) -> tuple[ArrayOrZero, ArrayOrZero]:
+    def generalized_force(self, t: float, q: Array, v: Array) -> tuple[ArrayOrZero, ArrayOrZero]:
         tau = np.zeros((2, len(v)))
         tau[0, self.rows], tau[1, self.rows] = self.effort(*self._coordinates(q, v))
         return tau[0], tau[1]

@@ -70,14 +70,14 @@ class SpringDamperElement(PairElement):
         """Return the force of the spring on b, (3,), for the unit vector n from a to b; linear for length 0."""
         return -self.spec.stiffness * (self.pair.pb - self.pair.pa - self.spec.length * n)
 
-    def torque(self, t: float, q: Array, v: Array) -> tuple[Array, ArrayOrZero]:
+    def generalized_force(self, t: float, q: Array, v: Array) -> tuple[Array, ArrayOrZero]:
         self.pair.locate()
         P, n = skew(self.pair.pb), unit_gap(self.pair)[1]
         spring, other = self.spring_force(n), self.spec.force.at(t)
-        line = self.pair.torque(np.concatenate([n, P @ n]))  # d' = line . v
+        line = self.pair.generalized_force(np.concatenate([n, P @ n]))  # d' = line . v
         if self.spec.damping:
             other -= self.spec.damping * float(line @ v)
-        return self.pair.torque(np.concatenate([spring, P @ spring])), other * line if other else 0.0
+        return self.pair.generalized_force(np.concatenate([spring, P @ spring])), other * line if other else 0.0
 
     def wrench_partials(self, t: float, V: Array) -> tuple[WrenchPartials, WrenchPartials]:
         spec, (w, Da, Db), (distance, n) = self.spec, line_wrench_partials(self.pair), unit_gap(self.pair)

@@ -24,15 +24,18 @@ class TorqueElement(ForceElement):
         self.finite_differences = getattr(function, "partials", None) is None
         self.what = f"force {self.name!r}"
 
-    def torque(self, t: float, q: Array, v: Array) -> tuple[float, Array]:
+    def generalized_force(self, t: float, q: Array, v: Array) -> tuple[float, Array]:
         return 0.0, checked_value(call_with_views(self.what, self.function, t, q, v), v.shape, t, self.what)
 
     def partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
         user_partials = getattr(self.function, "partials", None)
-        return law_partials(lambda q, v, s: self.torque(t, q, v)[1], user_partials, self.what, self.model, t, q, v, s)
+        def tau(q: Array, v: Array, s: Array) -> Array:
+            return self.generalized_force(t, q, v)[1]
+
+        return law_partials(tau, user_partials, self.what, self.model, t, q, v, s)
 
     def time_partials(self, t: float, q: Array, v: Array, s: Array) -> Array:
-        return law_time_partials(lambda t: self.torque(t, q, v)[1], t, v)
+        return law_time_partials(lambda t: self.generalized_force(t, q, v)[1], t, v)
 
     def core_data(self) -> CoreData:
         return python_core_data(self)

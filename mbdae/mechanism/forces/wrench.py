@@ -48,11 +48,11 @@ class WrenchElement(PairElement):
         self.spec, self.pair = spec, pair
         self.has_potential = spec.axes == "world" and all(isinstance(s, Constant) for s in spec.force)
 
-    def torque(self, t: float, q: Array, v: Array) -> tuple[ArrayOrZero, ArrayOrZero]:
+    def generalized_force(self, t: float, q: Array, v: Array) -> tuple[ArrayOrZero, ArrayOrZero]:
         self.pair.locate()
         n, m = self.vectors(t)
-        force = self.pair.torque(np.concatenate([n, skew(self.pair.pb) @ n]))
-        moment = self.pair.torque(np.concatenate([np.zeros(3), m])) if m.any() else np.zeros_like(v)
+        force = self.pair.generalized_force(np.concatenate([n, skew(self.pair.pb) @ n]))
+        moment = self.pair.generalized_force(np.concatenate([np.zeros(3), m])) if m.any() else np.zeros_like(v)
         return (force, moment) if self.has_potential else (0.0, force + moment)
 
     def wrench_time_rate(self, t: float) -> Array:

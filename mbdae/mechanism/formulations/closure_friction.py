@@ -96,7 +96,7 @@ class ClosureFriction:
         for i, p in enumerate(self.interfaces):
             if p.force.is_exact and self.active[i]:
                 direction = p.slip_direction(v, W, self.directions[i], self.min_slip_speed, within_step)
-                e[i], d[i] = p.pair.torque(W[:, p.no_slip_rows] @ direction), 1.0
+                e[i], d[i] = p.pair.generalized_force(W[:, p.no_slip_rows] @ direction), 1.0
                 speed[i] = e[i] @ v
             elif self.active[i]:
                 e[i], speed[i] = p.slip(v, W[:, p.rows])

@@ -82,12 +82,12 @@ class FrictionInterface(NamedTuple):
 
     def slip_jacobian(self, w: Array) -> Array:
         """Return S (m, nv), slip = S v, at current kinematics: m = 1 along an axis, otherwise 3."""
-        return np.array([self.pair.torque(x) for x in self.slip_wrenches(w)])
+        return np.array([self.pair.generalized_force(x) for x in self.slip_wrenches(w)])
 
     def sliding_jacobian(self, W: Array) -> Array:
         """Return S (m, nv) of an interface that slides, from the wrenches W (6, ng) of all rows."""
         if self.force.is_exact:
-            return np.array([self.pair.torque(w) for w in W[:, self.no_slip_rows].T])
+            return np.array([self.pair.generalized_force(w) for w in W[:, self.no_slip_rows].T])
         return self.slip_jacobian(W[:, self.rows])
 
     def slip_wrenches(self, w: Array) -> Array:

@@ -58,7 +58,7 @@ class Index2System(PinocchioData, RunVariables, System):
             self.elimination_order = independent_rows.elimination_order(self.constraints)
         self.closure_friction = ClosureFriction(mechanism.forces, mechanism.closures, self.constraints)
         self.ns, self.ny = self.laws.ns, 2 * self.nv + self.laws.ns + 1
-        self.measured = slice(0, self.ny - (not self.driven))  # the work is included only with drivers
+        self.error_components = slice(0, self.ny - (not self.driven))  # the work is included only with drivers
         self.reset()
 
     def closures(self, q: Array | None = None, t: float | None = None) -> tuple[Array, Array]:
@@ -105,17 +105,17 @@ class Index2System(PinocchioData, RunVariables, System):
 
     def force(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
         """Return f (nv,) and the rates (s', power in W), (ns + 1,); kinematics must be current at q."""
-        tau, rates = self.torque(t, q, v, s)
+        tau, rates = self.generalized_force(t, q, v, s)
         f = tau - tree.bias(self.model, self.workspace, q, v)
         if not all(map(isfinite, f.tolist())):  # faster than `numpy.isfinite` on small arrays
             joint = self.mechanism.coordinate_joint(int(np.flatnonzero(~np.isfinite(f))[0]))
             raise StepError("nonfinite", f"the force on joint {joint!r} is not finite at t = {t:.17g}")
         return f, rates
 
-    def torque(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
+    def generalized_force(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
         """Return the sum of all force laws (nv,) and the rates (s', power in W); kinematics must be current at q."""
         self.counts.f += 1
-        return self.laws.torque(t, q, v, s)
+        return self.laws.generalized_force(t, q, v, s)
 
     def energy(self, q: Array, v: Array) -> tuple[float, float]:
         """Return the kinetic energy (armature included) and the potential energy of gravity and springs, in J."""

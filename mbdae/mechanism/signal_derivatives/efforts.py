@@ -51,11 +51,11 @@ def _joint_force(motion: MotionTangent, law: ForceElement, number: int) -> list[
     t, q, v, d, nv = motion.t, motion.q, motion.v, motion.d, len(motion.v)
     at = motion.system.laws.bound[number][1]
     element, s = ForceElements([law], motion.model), motion.s[at]
-    tau, _ = element.torque(t, q, v, s)
+    tau, _ = element.generalized_force(t, q, v, s)
     by_state = element.partials(t, q, v, s)[:nv]
     dtau = by_state @ np.concatenate([d.q, d.v, d.s[at]]) + np.outer(element.time_partials(t, q, v, s)[:nv], d.t)
     for i, laws in motion.perturbed_laws(number):
-        found = {k: ForceElements([other], motion.model).torque(t, q, v, s)[0] for k, other in laws.items()}
+        found = {k: ForceElements([other], motion.model).generalized_force(t, q, v, s)[0] for k, other in laws.items()}
         dtau += np.outer(motion.parameters.all[i].quotient(found), d.p[i])
     return [*dtau[law.acting_components(nv)], v @ dtau + tau @ d.v]
 

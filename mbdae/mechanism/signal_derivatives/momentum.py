@@ -1,4 +1,4 @@
-"""Derivatives of the centre of mass, the momenta and the shaking force."""
+"""Directional derivatives of the centre of mass, the momenta and the shaking force."""
 
 import numpy as np
 import pinocchio as pin
@@ -10,9 +10,9 @@ from .wrenches import wrench_cross
 
 
 def momentum_derivatives(motion: MotionTangent) -> Array:
-    """Return the derivatives of the columns of `mbdae.mechanism.signals.momentum.momentum`, (9, m)."""
+    """Return the derivatives in m directions of the columns of `mbdae.mechanism.signals.momentum.momentum`, (9, m)."""
     m, d = len(motion.d.t), motion.d
-    mass, first_moment, h = 0.0, np.zeros(3), np.zeros(6)  # sums of m, m c and momenta at the world's origin
+    mass, first_moment, h = 0.0, np.zeros(3), np.zeros(6)  # sums of m, m c and momenta about the world's origin
     dmass, dfirst_moment, dh = np.zeros(m), np.zeros((3, m)), np.zeros((6, m))
     for j, Y in enumerate(motion.model.inertias):
         if not j:
@@ -36,9 +36,10 @@ def momentum_derivatives(motion: MotionTangent) -> Array:
 
 
 def shaking_derivatives(motion: MotionTangent) -> tuple[Array, Array]:
-    """Return the shaking force and moment of `mbdae.mechanism.signals.momentum`, (2, 3), and derivatives, (2, 3, m).
+    """Return shaking force and moment of `mbdae.mechanism.signals.momentum`, (2, 3), and derivatives, (2, 3, m).
 
-    A body's wrench f = I A + V x* (I V) at the world's origin moves with the body:
+    A body's wrench f = I A + V x* (I V) about the world's origin is transported with the body, by its displacement
+    twists X in the directions:
 
         df = X x* f + I a + v x* (I V) + V x* (I v),   v = dV - X x V,   a = dA - X x A
     """

@@ -72,7 +72,7 @@ def efforts(mech: "Mechanism", t: Array, q: Array, v: Array, s: Array) -> dict[s
             update_poses(mech.model, system.workspace, configuration)
             values: list[float] = []
             for law, single in zip(laws, single_laws, strict=True):
-                tau, _ = single.torque(time, configuration, velocity, state[state_slices[id(law)]])
+                tau, _ = single.generalized_force(time, configuration, velocity, state[state_slices[id(law)]])
                 values += _force_outputs(law, float(time), velocity, tau)
                 values.append(float(tau @ velocity))
                 values += law.deflection(configuration).tolist()

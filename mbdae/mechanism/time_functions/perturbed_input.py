@@ -1,4 +1,4 @@
-"""Inputs of a simulator with perturbations, for the derivatives of an advance."""
+"""Inputs of a simulator with perturbations, for sensitivities over a communication step."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,38 +11,38 @@ from .time_function_base import BaseTimeFunction
 
 
 @dataclass
-class AdvanceSpan:
-    """The last advance: its start and its length in s."""
+class CommunicationStep:
+    """The last communication step: its start and its size in s."""
 
     start: float = 0.0
-    length: float = 1.0
+    size: float = 1.0
 
 
 class PerturbedInput(BaseTimeFunction):
-    """The input of a simulator over its last advance, perturbed.
+    """The input of a simulator over its last communication step, perturbed.
 
-        u(t) = u + end                                                            hold = "zero"
-        u(t) = u_0 + begin + (u_1 + end - u_0 - begin) (t - t_0)/dt               hold = "first"
+        u(t) = u + du_1                                               hold = "zero"
+        u(t) = u_0 + du_0 + (u_1 + du_1 - u_0 - du_0) (t - t_0)/dt     hold = "first"
 
     Attributes:
-        begin: perturbation at the start of the advance; unused for hold = "zero".
-        end: perturbation of the value set for the advance; with hold = "first", at the end of the advance.
+        du_0: perturbation at the start of the step; unused for hold = "zero".
+        du_1: perturbation of the value set for the step; with hold = "first", at its end.
     """
 
-    begin: float = 0.0
-    end: float = 0.0
+    du_0: float = 0.0
+    du_1: float = 0.0
     _at: Callable[..., float] = PrivateAttr()
 
     @classmethod
-    def of(cls, source: Input, span: AdvanceSpan, begin: float, end: float) -> "PerturbedInput":
+    def of(cls, source: Input, step: CommunicationStep, du_0: float, du_1: float) -> "PerturbedInput":
         """Return the perturbed input of a simulator."""
-        out, nominal, linear = cls(begin=begin, end=end), source.at, source.hold == "first"
+        out, nominal, linear = cls(du_0=du_0, du_1=du_1), source.at, source.hold == "first"
 
         def at(t: float, k: int = 0) -> float:
             if not linear:
-                return nominal(t, k) + (0.0 if k else end)
-            rate = (end - begin) / span.length
-            return nominal(t, k) + (begin + rate * (t - span.start), rate, 0.0)[k]
+                return nominal(t, k) + (0.0 if k else du_1)
+            rate = (du_1 - du_0) / step.size
+            return nominal(t, k) + (du_0 + rate * (t - step.start), rate, 0.0)[k]
 
         out._at = at
         return out

@@ -239,7 +239,7 @@ class Pair:
         """Return the spatial velocity (6,) of b relative to a at the world's origin, for velocities v (nv,)."""
         return self._J.dot(self.sign * v) + sum(sign * (node.columns @ v[body.at]) for sign, body, node in self.nodes)
 
-    def torque(self, wrench: np.ndarray) -> np.ndarray:
+    def generalized_force(self, wrench: np.ndarray) -> np.ndarray:
         """Return the generalized force (nv,) of a wrench (6,) on b and its reaction on a."""
         out = self.sign * wrench.dot(self._J)
         for sign, body, node in self.nodes:
@@ -248,7 +248,7 @@ class Pair:
 
     def relative_jacobian(self) -> np.ndarray:
         """Return the Jacobian of the spatial velocity of b relative to a, (6, nv)."""
-        return np.array([self.torque(e) for e in np.eye(6)])
+        return np.array([self.generalized_force(e) for e in np.eye(6)])
 
 
 def support(model: pin.Model, joint: int) -> np.ndarray:

@@ -57,7 +57,7 @@ class PairPartials:
         """Return Db J_m if m moves b, Da J_m if it moves a, (.., c) from (.., 6)."""
         return np.where(self.moves_b, Db.dot(self.J), Da.dot(self.J))
 
-    def torque(self, F: Array, Da: Array, Db: Array, C: Array | None = None) -> Array:
+    def generalized_force(self, F: Array, Da: Array, Db: Array, C: Array | None = None) -> Array:
         """Return the partial derivatives (c, c) of sign J^T F with respect to q.
 
         Args:

@@ -34,9 +34,9 @@ struct FrameLaw {
     pair.update_poses(p.m);
     if (F::damped(law)) pair.relative(p.m, p.v, V);
     const auto all = F::wrenches(law, context(p, p.t), frames_of(pair), velocity_of(V));
-    read(all.conservative, w, nullptr), pair.torque(p.m, w, 1, f.conservative);
+    read(all.conservative, w, nullptr), pair.generalized_force(p.m, w, 1, f.conservative);
     read(all.other, w, nullptr);
-    if (largest(w, 6) != 0) pair.torque(p.m, w, 1, f.other);
+    if (largest(w, 6) != 0) pair.generalized_force(p.m, w, 1, f.other);
   }
 
   static void partials(const Law& law, const ForcePoint& p, const LawPartials& out) {
@@ -65,8 +65,8 @@ struct FrameLaw {
     Dual<1> t(p.t);
     t.d[0] = 1;
     const auto all = F::wrenches(law, context(p, t), moving_frames(pair, zero), velocity_of(V));
-    read(all.conservative, w, rate), pair.torque(p.m, rate, 1, f.conservative);
-    read(all.other, w, rate), pair.torque(p.m, rate, 1, f.other);
+    read(all.conservative, w, rate), pair.generalized_force(p.m, rate, 1, f.conservative);
+    read(all.other, w, rate), pair.generalized_force(p.m, rate, 1, f.other);
   }
 
   static double potential(const Law& law, const ForcePoint& p) {

@@ -15,7 +15,7 @@ namespace laws {
 
 void LawPartials::add(const PairPartials& pair_partials, const WrenchPartials& t, bool conservative_) const {
   double* tau_partials = conservative_ ? conservative : other;
-  pair_partials.torque(t, tau_partials, width);
+  pair_partials.generalized_force(t, tau_partials, width);
   if (t.damped) pair_partials.damping(t.C, tau_partials + pair_partials.nv, width);
   if (wrenches) wrenches->push_back({&pair_partials.pair, t, conservative_});
 }

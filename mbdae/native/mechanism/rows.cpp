@@ -88,7 +88,7 @@ void Pair::relative(const MultibodyTree& m, const double* v, double* out) const 
   }
 }
 
-void Pair::torque(const MultibodyTree& m, const double* w, double factor, double* tau) const {
+void Pair::generalized_force(const MultibodyTree& m, const double* w, double factor, double* tau) const {
   for (size_t k = 0; k < columns.size(); ++k) {
     const double* J = m.J() + 6 * sources[k];
     tau[columns[k]] += factor * sign[k] * (dot(w, J) + dot(w + 3, J + 3));

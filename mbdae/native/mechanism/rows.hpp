@@ -35,7 +35,8 @@ struct Pair {
   // gravity cancels.
   void update_velocities(const MultibodyTree& m, bool minus_gravity);
   void relative(const MultibodyTree& m, const double* v, double* out) const;                    // V_b - V_a, (6,)
-  void torque(const MultibodyTree& m, const double* wrench, double factor, double* tau) const;  // tau += factor J^T w
+  // tau += factor J^T w
+  void generalized_force(const MultibodyTree& m, const double* w, double factor, double* tau) const;
 
   Anchor a, b;
   bool needs_Ra = true, needs_Rb = true;  // whether Ra, Rb are used

@@ -136,7 +136,7 @@ void PairPartials::add_node(const MultibodyTree& m, int frame, double sign, cons
   }
 }
 
-void PairPartials::torque(const WrenchPartials& t, double* K, size_t width) const {
+void PairPartials::generalized_force(const WrenchPartials& t, double* K, size_t width) const {
   for (const Column& m : columns_) {
     double dF[6], parent_dF[6], product[6];  // parent_dF = dF - J x* F
     times6(m.sign > 0 ? t.Db : t.Da, m.J, dF);

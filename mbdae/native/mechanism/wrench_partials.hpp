@@ -33,7 +33,7 @@ class PairPartials {
   const int nv;
   double V[6];  // V_b - V_a
 
-  void torque(const WrenchPartials& t, double* K, size_t width) const;    // K += d(J^T F)/dq
+  void generalized_force(const WrenchPartials& t, double* K, size_t width) const;    // K += d(J^T F)/dq
   void damping(const double* C, double* D, size_t width) const;           // D += d(J^T F)/dv
   void power(const double* w, const WrenchPartials& t, double* B) const;  // B += d(w . (V_b - V_a))/dq
 

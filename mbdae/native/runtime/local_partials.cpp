@@ -43,7 +43,7 @@ Vector LocalCoordinates::gamma_derivative(const Vector& direction) {
 
 void LocalCoordinates::forces(double t, Vector& out) {
   out.assign(s_.nv + s_.ns + 1, 0.0);
-  s_.torque(t, y_.data(), &y_[s_.nq], &y_[s_.nq + s_.nv], out.data(), &out[s_.nv]);
+  s_.generalized_force(t, y_.data(), &y_[s_.nq], &y_[s_.nq + s_.nv], out.data(), &out[s_.nv]);
 }
 
 void LocalCoordinates::begin_partials(double t, const double* x, Partials& out, int inputs) {

@@ -18,7 +18,7 @@ void CollocationStep::residual(double t, const double* x, const double* dx, cons
   const bool has_friction = static_cast<bool>(s_.friction);
   constraints.dense_value(s_.tree, q, has_friction ? constraints.all : rows, G_);
   double* rates = R + 2 * nv_;
-  s_.torque(t, q, v, v + nv_, R + nv_, rates);
+  s_.generalized_force(t, q, v, v + nv_, R + nv_, rates);
   if (has_friction) {
     std::fill(lam_.begin(), lam_.end(), 0.0);
     for (size_t i = 0; i < rows.size(); ++i) lam_[rows[i]] = z[i];

@@ -42,7 +42,7 @@ void VariationalStep::evaluate_endpoint(double t, const double* q, EndpointTerms
   const size_t n = nv_, width = 2 * n;
   Vector gravity_forces(s_.tree.bias(), s_.tree.bias() + n);  // nle(q, 0)
   out.D.resize(n), out.dD_dw.resize(n * n);
-  s_.torque(t, q, w_.data(), nullptr, out.D.data(), &out.power);
+  s_.generalized_force(t, q, w_.data(), nullptr, out.D.data(), &out.power);
   const double *conservative = s_.law_partials(t, q, w_.data(), nullptr), *other = conservative + n * width;
   for (size_t i = 0; i < n; ++i) {
     double sum = 0;

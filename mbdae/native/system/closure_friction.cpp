@@ -33,7 +33,7 @@ void ClosureFriction::update_slips(const double* v, bool within_step) {
     double w[6];
     pair.update_poses(m_);
     interface.kind == FrictionInterface::rolling ? no_slip_wrench(k, v, within_step, w) : slip_wrench(interface, v, w);
-    pair.torque(m_, w, 1, e);
+    pair.generalized_force(m_, w, 1, e);
     speed_[k] = dot(e, v, m_.nv);
     factor_[k] = -interface.coefficient *
                  (interface.kind == FrictionInterface::rolling ? 1 : std::tanh(speed_[k] / interface.width));

@@ -125,7 +125,8 @@ void Index2System::probe_other_rows() {
     rows.remaining_independent = true;
 }
 
-void Index2System::torque(double t, const double* q, const double* v, const double* s, double* tau, double* rates) {
+void Index2System::generalized_force(double t, const double* q, const double* v, const double* s, double* tau,
+                                     double* rates) {
   counts.f += 1;
   std::fill_n(tau, nv, 0.0), rates[ns] = 0;
   if (laws_.empty()) return;
@@ -137,7 +138,7 @@ void Index2System::torque(double t, const double* q, const double* v, const doub
 
 void Index2System::forces(double t, const double* q, const double* v, const double* s, double* f, double* rates,
                           bool biased) {
-  torque(t, q, v, s, f, rates);
+  generalized_force(t, q, v, s, f, rates);
   if (!biased) tree.bias(q, v);
   const double* bias = tree.bias();
   for (int i = 0; i < nv; ++i) f[i] -= bias[i];

@@ -105,7 +105,7 @@ class Index2System {
   void forces(double t, const double* q, const double* v, const double* s, double* f, double* rates,
               bool biased = false);
   // tau (nv,) of all laws, and the rates; requires current kinematics at q.
-  void torque(double t, const double* q, const double* v, const double* s, double* tau, double* rates);
+  void generalized_force(double t, const double* q, const double* v, const double* s, double* tau, double* rates);
   // Partials at a point with v' (nv,) and lam (ng,) by row; requires the expanded tree, updates J and poses.
   void partials(double t, const double* q, const double* u, const double* vdot, const double* lam, EquationPartials& out);
   // Only K, D and g_t, and if requested B (r, nv) and wrenches: of laws between frames, then of closures, summed over

@@ -33,7 +33,7 @@ void Index2System::force_partials(double t, const double* q, const double* u, co
   tree.partials(q, v, vdot, dtau_dq_.data(), dtau_dv_.data());
 
   Vector state_rates(ns + 1);
-  torque(t, q, v, s, f_.data(), state_rates.data());
+  generalized_force(t, q, v, s, f_.data(), state_rates.data());
   out.K.resize(n * m), out.D.assign(n * n, 0.0);
   double *power_dq = &out.K[(n - 1) * m], *power_du = &out.D[(n - 1) * n];
   std::fill(out.K.begin() + m * m, out.K.end(), 0.0);
@@ -109,7 +109,7 @@ void Index2System::closure_partials(const double* q, const double* v, const doub
       if (K) sum.add(lam[k], row_partials);
     }
     if (!K) continue;
-    pair_partials.torque(sum, K, m);
+    pair_partials.generalized_force(sum, K, m);
     if (wrenches) wrenches->push_back({&pair_partials.pair, sum, true});
   }
   for (int k : selected.in_use())

@@ -9,7 +9,7 @@ from ...integrate.run.run_setup import common_backend
 from ...integrate.steppers.ida import IDA
 from ...integrate.steppers.solvers import find_method
 from ...mechanism import Mechanism
-from ...methods import EXPLICIT, obstacle
+from ...methods import EXPLICIT, unsupported_reason
 from ...methods import METHODS as ALL_METHODS
 from ...solution.solution import Problem
 from ..method_variant import Variant, default_variants, variants
@@ -87,7 +87,7 @@ def _reason(problem: Problem, v: Variant, fixed: bool) -> str:
     """Return why a method does not suit a problem, or requires numbers of steps; "" if it is suitable."""
     method = find_method(v.formulation, v.method)
     try:
-        if reason := obstacle(method, problem.system(v.formulation)):
+        if reason := unsupported_reason(method, problem.system(v.formulation)):
             return reason
     except InputError as e:
         return str(e)

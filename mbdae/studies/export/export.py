@@ -31,7 +31,7 @@ from ...system import Array
 from ...tolerances import AGREEMENT
 from .core_file import core_data, count_indicators, native_system, output_data, plain_json, require_exportable, run_data
 from .model_description import KINDS, FmuDescription, Variable, event_indicators
-from .parameter_effects import ParameterEffects, parameter_effects
+from .parameter_partials import ParameterPartials, parameter_partials
 from .picture import picture
 from .source_files import source_files
 
@@ -138,7 +138,7 @@ def export(
         return np.concatenate([begin.mode, begin.q, begin.v, begin.s])
 
     varied = _checked_names("parameter", parameters, None)
-    effects = parameter_effects(simulator.inputs, varied, system.native, start_of)
+    effects = parameter_partials(simulator.inputs, varied, system.native, start_of)
     states = _states(mech, kinds)
     data = core_data(native_system(simulator.mechanism, system.native)) | run_data(simulator, system)
     by_rate = simulator.inputs.rate_dependent
@@ -226,7 +226,7 @@ def _variables(
     mech: Mechanism,
     cells: Mapping[str, Any],
     chosen: Sequence[str],
-    effects: Mapping[str, ParameterEffects],
+    effects: Mapping[str, ParameterPartials],
     output_signals: Mapping[str, SignalValue],
     states: int,
 ) -> list[Variable]:

@@ -80,7 +80,7 @@ class LinearSystem(Tabular):
         if numbers.ndim != 1 or not len(numbers) or not np.isfinite(numbers).all():
             raise InputError(f"a frequency response takes a list of frequencies, got {omega!r:.60}")
         identity = np.eye(len(self.A))
-        with np.errstate(invalid="ignore"):  # factors beyond integers, which are permutations in other calls only
+        with np.errstate(invalid="ignore"):  # scipy casts the scale factors to integers, too, for a permutation
             A, (d, _) = matrix_balance(self.A, permute=False, separate=True)  # scales positions and speeds
         B, C = self.B / d[:, None], self.C * d
         out = np.empty((len(numbers), *self.D.shape), complex)
@@ -285,5 +285,5 @@ def _position_partials(statics: Statics, q: Array) -> dict[str, Array]:
         pair = Pair(system.model, system.workspace, anchor(system.model, WORLD), at)
         pair.locate()
         for axis, n in zip(AXES, np.eye(3), strict=True):
-            out[f"{name}.{axis}"] = pair.torque(np.concatenate([n, np.cross(pair.pb, n)]))
+            out[f"{name}.{axis}"] = pair.generalized_force(np.concatenate([n, np.cross(pair.pb, n)]))
     return out

@@ -8,7 +8,7 @@ from ...integrate.run.run_setup import common_backend
 from ...integrate.steppers.solvers import SOLVERS
 from ...mechanism import Mechanism, ModelSource
 from ...mechanism.tree.coordinate_units import quantity_units
-from ...methods import METHODS, Method, obstacle
+from ...methods import METHODS, Method, unsupported_reason
 from ...methods import method as find_method
 from ...methods.uncompiled import uncompiled
 from ...solution.problem import problem_of
@@ -37,8 +37,8 @@ def order(
         problem: a mechanism (started from its model file's state), a textbook problem, or the name or path of one.
         methods: a name or several, or tableaus; when left out ``"all"`` that support the problem.
         T: end time in s; that of the model when left out.
-        steps: coarsest number of steps, at least five. When left out that of the model file, or fewer if slopes cannot
-            be judged otherwise.
+        steps: coarsest number of steps, at least five. When left out that of the model file, or fewer if the order
+            cannot be estimated otherwise.
         progress: called with the name of each run.
 
     Raises:
@@ -81,4 +81,4 @@ def _fixed_step_method(name: str | Method) -> Method:
 def _supported_methods(problem: Problem) -> list[Method]:
     """Return the methods that support a problem."""
     system = problem.system()
-    return [m for m in METHODS.values() if not obstacle(m, system)]
+    return [m for m in METHODS.values() if not unsupported_reason(m, system)]

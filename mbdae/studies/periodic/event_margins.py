@@ -29,10 +29,10 @@ class ResetMargins:
 
     def __init__(self, system: Index2System) -> None:
         self.system, self.mechanism = system, system.mechanism
-        self.signals = {r.name: self._bound(r.signal) for r in self.mechanism.resets}
-        self.conditions = {r.name: self._bound(r.when) for r in self.mechanism.resets if r.when}
+        self.signals = {r.name: self._signal_event(r.signal) for r in self.mechanism.resets}
+        self.conditions = {r.name: self._signal_event(r.when) for r in self.mechanism.resets if r.when}
 
-    def _bound(self, text: str) -> SignalEvent:
+    def _signal_event(self, text: str) -> SignalEvent:
         return SignalEvent.from_text(self.system, self.mechanism, text, 0)
 
     @property
@@ -58,14 +58,14 @@ class ResetMargins:
         return event.direction * (value(self.system, event.signal, t, y) - event.level)
 
     def at_events(self, runs: Sequence[Solution]) -> Iterator[tuple[str, str, float]]:
-        """Yield name, kind and value of the margins at events: rates of signals, and conditions."""
+        """Yield name, kind and value of the margins at events: crossing speeds of signals, and conditions."""
         for run in runs:
             for i, name in run.resets:
-                yield name, "event rate", self._rate(run, i - 1, self.signals[name])
+                yield name, "crossing speed", self._crossing_speed(run, i - 1, self.signals[name])
                 if name in self.conditions:
                     yield name, "condition", self._condition(name, float(run.nodes[0][i - 1]), run.nodes[1][i - 1])
 
-    def _rate(self, run: Solution, i: int, event: SignalEvent) -> float:
+    def _crossing_speed(self, run: Solution, i: int, event: SignalEvent) -> float:
         """Return |f'| at node i, by one-sided quotients on the dense output."""
         t, y = float(run.nodes[0][i]), run.nodes[1][i]
         h = WIDTH * (t - float(run.nodes[0][i - 1]))

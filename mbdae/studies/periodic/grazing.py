@@ -28,8 +28,8 @@ FRACTION, IMPACT_FRACTION = 0.9, 0.5  # next step over the distance to a zero; d
 EXTRAPOLATION_RANGE, IMPACT_RANGE = INTERPOLATION, THREE_DIGITS  # distance at which a zero is extrapolated
 POINTS = 4  # number of points from which the parameter at a zero is extrapolated
 KNOWN_TIMES = ("command", "speed step")  # guards that are functions of time
-SPEEDS = ("impact", "event rate")  # margins with a square root of the parameter
-EVENT_KINDS = ("event", "event rate", "condition")  # margins of user-defined events
+SPEEDS = ("impact", "crossing speed")  # margins with a square root of the parameter
+EVENT_KINDS = ("event", "crossing speed", "condition")  # margins of user-defined events
 
 
 class Margin(NamedTuple):
@@ -37,7 +37,7 @@ class Margin(NamedTuple):
 
     Attributes:
         name: name of the stop, contact or joint.
-        kind: ``"impact"``, the kind of the guard, ``"event"``, ``"event rate"`` or ``"condition"``.
+        kind: ``"impact"``, the kind of the guard, ``"event"``, ``"crossing speed"`` or ``"condition"``.
         value: impulse in N s or N m s; else the value of the guard or signal in its unit.
     """
 

@@ -62,7 +62,7 @@ class Tolerance(Deviations, Tabular):
             small = sum(x.share < SHOWN for x in self.contributions(name))
             lines.append(text + (f"; {small} contributions below {100 * SHOWN:g} %" if small else ""))
         if self.left_out:
-            lines.append(f"left out, since they open closures that depend on each other: {', '.join(self.left_out)}")
+            lines.append(f"omitted, since they would violate redundant closures: {', '.join(self.left_out)}")
         return lines + self._warnings()
 
     def _warnings(self) -> list[str]:
@@ -70,13 +70,13 @@ class Tolerance(Deviations, Tabular):
         out, condition = [], self.influences.condition
         if np.isfinite(condition).any():
             i = int(np.nanargmax(condition))
-            out.append(f"condition of the closures: up to {condition[i]:.3g}, at {self._at(i)}")
+            out.append(f"condition number of G: up to {condition[i]:.3g}, at {self._at(i)}")
         if self.curve.dead_points:
             points = (rounded_zero(u) for u, _ in self.curve.dead_points)
             listed = ", ".join(f"{displayed(u, self.curve.unit)[0]:.6g}" for u in points)
-            out.append(f"dead points of the drive at {listed}: influences grow without bound towards them")
+            out.append(f"dead points of the input joint at {listed}: influences grow without bound towards them")
         limits = (
-            (UNREACHABLE, "the mechanism may not reach the input within its tolerances"),
+            (UNREACHABLE, "the mechanism may not assemble at this input with all dimensions within tolerance"),
             (NONLINEAR, f"the linear worst case is wrong by more than {100 * NONLINEAR:.0f} %"),
         )
         for limit, text in limits:
@@ -124,7 +124,7 @@ class Tolerance(Deviations, Tabular):
         }
 
     def plot(self, path: str | Path | None = None) -> "Figure":
-        """Draw deviations over the input, and bands around paths; saved if a path is given.
+        """Draw deviations versus the input, and bands around paths; saved if a path is given.
 
         Raises:
             InputError: for a format other than .png, .svg, .pdf or .pgf, or an unwritable path.

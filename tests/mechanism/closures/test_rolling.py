@@ -142,7 +142,7 @@ def ball_on_a_ball(tmp_path, **more):
 
 def test_a_ball_in_the_centre_of_a_ball_cannot_be_assembled(tmp_path):
     roll = Closure.rolling("world", "ball", 0.1, surface="sphere", surface_radius=0.5, name="top")
-    with pytest.raises(mbdae.MbdaeError, match="'top': a rolling body lies in the centre of its sphere"):
+    with pytest.raises(mbdae.MbdaeError, match="'top': the centre of a rolling body is at the centre of its sphere"):
         _ = load(tmp_path, [body("ball")], [roll]).start
 
 

@@ -55,7 +55,7 @@ def test_partials_are_derivatives_of_the_equations(rigid_and_flexible):
     def residual(q, v):
         G = system.closures(q)[1]
         update_poses(system.model, system.workspace, q)
-        tau, _ = system.torque(0.0, q, v, np.empty(0))
+        tau, _ = system.generalized_force(0.0, q, v, np.empty(0))
         return tau + G.T @ lam - inverse(system.model, system.workspace, q, v, a)
 
     p = equation_partials(system, 0.0, q, u, a, lam, np.arange(mech.ng))
@@ -86,6 +86,6 @@ def test_wrenches_of_joints_give_their_torques(rigid_and_flexible):
     at = slice(joint.idx_v, joint.idx_v + 3)
     G = system.closures(q)[1]
     update_poses(system.model, system.workspace, q)
-    tau, _ = system.torque(0.0, q, v, np.empty(0))
+    tau, _ = system.generalized_force(0.0, q, v, np.empty(0))
     needed = inverse(system.model, system.workspace, q, v, a) - G.T @ lam - tau
     close(wrenches[mech.model.getJointId("b") - 1][3:], needed[at], 1e-11)

@@ -214,7 +214,7 @@ def test_friction_of_the_urdf_counts_when_asked_for(tmp_path):
     assert not any("friction" in text for text in with_friction.left_out)
     q, v = np.zeros(1), np.array([0.4])
     assert not free.system().laws.acting
-    assert with_friction.system().laws.torque(0.0, q, v, q[:0])[0][0] == pytest.approx(-0.3 * np.tanh(0.8))
+    assert with_friction.system().laws.generalized_force(0.0, q, v, q[:0])[0][0] == pytest.approx(-0.3 * np.tanh(0.8))
     with pytest.raises(InputError, match="model has no friction"):
         mbdae.load(tmp_path / "arm0.urdf", forces=[JointFriction()])
 

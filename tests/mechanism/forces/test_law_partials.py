@@ -139,7 +139,7 @@ def law_differences(mech, q, v, s, t):
         nv = mech.nv
         moved = pin.integrate(mech.model, q, x[:nv])
         pin.computeJointJacobians(system.model, system.workspace, moved)
-        return np.concatenate(system.laws.torque(t, moved, v + x[nv : 2 * nv], s + x[2 * nv :]))
+        return np.concatenate(system.laws.generalized_force(t, moved, v + x[nv : 2 * nv], s + x[2 * nv :]))
 
     expected = finite_differences.numerical_jacobian(at, 2 * mech.nv + len(s), 1e-3)
     pin.computeJointJacobians(system.model, system.workspace, q)
@@ -179,7 +179,7 @@ def test_all_forces_and_closures_together():
     def at(e, du=0.0):
         moved, v = pin.integrate(mech.model, q, e), u + du
         pin.computeJointJacobians(s.model, s.workspace, moved)
-        tau, rates = s.torque(0.3, moved, v[:nv], v[nv:-1])
+        tau, rates = s.generalized_force(0.3, moved, v[:nv], v[nv:-1])
         G = s.jacobian()[rows]
         return np.concatenate([tau + lam @ G - pin.rnea(s.model, s.workspace, moved, v[:nv], vdot), rates, G @ u[:nv]])
 
@@ -242,7 +242,7 @@ def test_time_partials():
 
     def at(x, t=0.3):
         pin.computeJointJacobians(s.model, s.workspace, q)
-        tau, rates = s.torque(t + x[0], q, v, states)
+        tau, rates = s.generalized_force(t + x[0], q, v, states)
         rates[-1] -= lam @ s.g_t(t + x[0])
         return np.concatenate([tau, rates, s.g_t(t + x[0]), s.gamma(q, v, t + x[0])])
 

@@ -40,7 +40,7 @@ def test_linear_laws_have_exact_partials(forces):
 
     def values(e):
         dq, dv, ds = np.split(e, [MODEL.nv, 2 * MODEL.nv])
-        return np.concatenate(s.laws.torque(0.3, pin.integrate(MODEL, q, dq), v + dv, x + ds))
+        return np.concatenate(s.laws.generalized_force(0.3, pin.integrate(MODEL, q, dq), v + dv, x + ds))
 
     np.testing.assert_allclose(
         known, finite_differences.numerical_jacobian(values, 2 * MODEL.nv + s.ns, 0.01), atol=1e-9
@@ -63,7 +63,8 @@ def test_linear_laws_are_one_element():
 
 def test_steps_jump_within_linear_laws():
     s = system([JointTorque(joint=A, torque=Steps(points=((0.0, 1.0), (0.5, 4.0))))])
-    values = [s.laws.torque(t, pin.neutral(MODEL), np.zeros(MODEL.nv), np.empty(0))[0].max() for t in (-1, 0.49, 0.5)]
+    at_rest = pin.neutral(MODEL), np.zeros(MODEL.nv), np.empty(0)
+    values = [s.laws.generalized_force(t, *at_rest)[0].max() for t in (-1, 0.49, 0.5)]
     assert values == [1.0, 1.0, 4.0]
     assert s.laws.breakpoint(0.0, 1.0) == 0.5
 

@@ -161,7 +161,7 @@ def test_limits_are_stops_and_friction_acts_where_that_is_asked_for(tmp_path):
     assert [(s.lower, s.upper) for s in mech.stops] == [(-0.5, 0.25)]
     assert said == [f"x: not carried over: {named[1]}"]
     q, v = np.zeros(1), np.array([0.4])
-    assert mech.system().laws.torque(0.0, q, v, q[:0])[0][0] == pytest.approx(-2 * np.tanh(0.8))
+    assert mech.system().laws.generalized_force(0.0, q, v, q[:0])[0][0] == pytest.approx(-2 * np.tanh(0.8))
     assert not loaded(tmp_path, ARM.format("", "continuous", "<limit><upper>1e16</upper></limit>"))[0].stops
 
 

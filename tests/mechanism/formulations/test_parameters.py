@@ -57,7 +57,7 @@ def terms(mech, t, q, v, s, vdot, lam):
     system = mech.system()
     (g, G), gamma = system.closures(q, t), system.gamma(q, v, t)
     pin.computeJointJacobians(system.model, system.workspace, q)
-    tau, rates = system.torque(t, q, v, s)
+    tau, rates = system.generalized_force(t, q, v, s)
     rates[-1] -= lam @ system.g_t(t)
     f = tau + lam @ G - pin.rnea(system.model, system.workspace, q, v, vdot)
     return np.concatenate([f, rates]), G @ v + system.g_t(t), g, gamma

@@ -92,7 +92,7 @@ def given(sol, i):
     system, (q, v) = sol.at(i), (sol.q[i], sol.v[i])
     pin.forwardKinematics(system.model, system.workspace, q, v)
     G = system.jacobian(q)
-    tau = np.array(system.torque(sol.t[i], q, v, sol.s[i])[0], float)
+    tau = np.array(system.generalized_force(sol.t[i], q, v, sol.s[i])[0], float)
     for part in system.constraints.joint_rows:
         tau += G[part.at] * sol.lam[i, part.at]
     return tau - sol.mechanism.model.armature * sol.vdot[i]

@@ -81,7 +81,7 @@ class Gravity(ForceElement):  # twice the weight, by algorithms that mbdae does 
         super().__init__("gravity")
         self.model, self.data = model, data
 
-    def torque(self, t, q, v):
+    def generalized_force(self, t, q, v):
         pin.computeCoriolisMatrix(self.model, self.data, q, v)
         pin.computeJointKinematicHessians(self.model, self.data, q)
         return 0.0, -pin.computeGeneralizedGravity(self.model, self.data, q)

@@ -197,8 +197,8 @@ def test_close_to_dead_points_it_says_so():
     assert np.isnan(whole.worst[0, dead]).all()
     assert np.isfinite(whole.worst[0, ~dead]).all()
     lines = str(whole).splitlines()
-    assert any("dead points of the drive at 0.45, 0.25: influences grow without bound" in line for line in lines)
-    assert any("may not reach the input within its tolerances" in line for line in lines)
+    assert any("dead points of the input joint at 0.45, 0.25: influences grow without bound" in line for line in lines)
+    assert any("may not assemble at this input with all dimensions within tolerance" in line for line in lines)
     assert np.nanmax(whole.influences.condition) > 20
 
 

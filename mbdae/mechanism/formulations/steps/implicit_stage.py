@@ -62,7 +62,7 @@ class ImplicitStages:
         q, v = s.manifold.integrate(self.q, x[:nv]), self.v + x[nv : 2 * nv]
         update_poses(s.model, s.workspace, q)
         G = s.jacobian().take(self.rows, 0)
-        tau, rates = s.torque(t, q, v, self.s + x[2 * nv : -1])
+        tau, rates = s.generalized_force(t, q, v, self.s + x[2 * nv : -1])
         if s.closure_friction:
             e, speed, factor = s.closure_friction.slip_terms(v)
             T = factor * s.closure_friction.normal_forces(s.closure_friction.minimum_norm_map(self.rows) @ z)[0]

@@ -105,7 +105,7 @@ class RattleStep:
         s.counts.M += 1
         M, N = (a.copy() for a in s.inertial.momentum_partials(q, w))
         update_poses(s.model, s.workspace, q)
-        tau, rates = s.torque(t, q, w, none)
+        tau, rates = s.generalized_force(t, q, w, none)
         dD_dw = N.T + s.laws.partials(t, q, w, none)[: s.nv, s.nv :]
         D = N.T @ w / 2 + tau - bias(s.model, s.workspace, q, np.zeros(s.nv))
         return EndpointTerms(M, N, D, dD_dw, float(rates[-1]))

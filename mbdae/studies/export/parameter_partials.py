@@ -22,26 +22,26 @@ Path = tuple[str, ...]
 Numbers = dict[Path, object]
 
 
-class ParameterEffects(NamedTuple):
-    """A parameter and its effects on the exported data.
+class ParameterPartials(NamedTuple):
+    """Value of a parameter, and partial derivatives of the exported data with respect to it.
 
     Attributes:
         value: value of the parameter.
-        effects: derivatives of the data with respect to the parameter, by their paths.
+        partials: partial derivatives, by the paths of the data.
     """
 
     value: float
-    effects: dict[Path, float]
+    partials: dict[Path, float]
 
     def core_data(self) -> CoreData:
         """Core data."""
-        return {"value": self.value, "effects": [{"path": list(p), "by": x} for p, x in self.effects.items()]}
+        return {"value": self.value, "effects": [{"path": list(p), "by": x} for p, x in self.partials.items()]}
 
 
-def parameter_effects(
+def parameter_partials(
     inputs: Inputs, names: Sequence[str], native: ModuleType, start_of: Callable[[Mechanism], Array]
-) -> dict[str, ParameterEffects]:
-    """Return the parameters of these dotted names.
+) -> dict[str, ParameterPartials]:
+    """Return the values and partials of parameters, by their dotted names.
 
     Args:
         inputs: inputs of the mechanism.
@@ -64,36 +64,36 @@ def parameter_effects(
         found = numbers_of(core_data(native_system(made, native)))
         return {path: x for path, x in found.items() if not any(key in CONSTANT for key in path[:2])}
 
-    start, out, shifts, begin = data({}), {}, {}, start_of(inputs.original)
+    nominal, out, shifts, start = data({}), {}, {}, start_of(inputs.original)
     for name, value in values.items():
         first, second = (step * (abs(value) or 1.0) for step in STEPS)
         changed, check = data({name: value + first}), data({name: value + second})
-        effects = _effects_of(name, start, changed, first)
-        _require_linear(name, start, check, {path: second * x for path, x in effects.items()})
-        changed_begin = start_of(template.make({**values, name: value + first}))
-        if np.abs(changed_begin - begin).max() > SAME_STATE * (1 + np.abs(begin).max()):
+        partials = _partials(name, nominal, changed, first)
+        _require_linear(name, nominal, check, {path: second * x for path, x in partials.items()})
+        changed_start = start_of(template.make({**values, name: value + first}))
+        if np.abs(changed_start - start).max() > SAME_STATE * (1 + np.abs(start).max()):
             text = f"parameter {name!r} changes the start, by assembly or an impact: it cannot be exported"
             raise InputError(text)
-        out[name], shifts[name] = ParameterEffects(value, effects), first
+        out[name], shifts[name] = ParameterPartials(value, partials), first
     if len(names) > 1:
         total: dict[Path, float] = {}
         for name, parameter in out.items():
-            for path, x in parameter.effects.items():
+            for path, x in parameter.partials.items():
                 total[path] = total.get(path, 0.0) + shifts[name] * x
-        _require_linear(", ".join(names), start, data({n: values[n] + d for n, d in shifts.items()}), total)
+        _require_linear(", ".join(names), nominal, data({n: values[n] + d for n, d in shifts.items()}), total)
     return out
 
 
-def _effects_of(name: str, start: Numbers, changed: Numbers, change: float) -> dict[Path, float]:
-    """Return derivatives of the numbers that change.
+def _partials(name: str, nominal: Numbers, changed: Numbers, change: float) -> dict[Path, float]:
+    """Return the partial derivatives of the numbers that change.
 
     Raises:
         InputError: if keys, or values that are not numbers, change.
     """
-    if start.keys() != changed.keys():
+    if nominal.keys() != changed.keys():
         raise InputError(f"parameter {name!r} changes the structure of the mechanism: it cannot be exported")
     out = {}
-    for path, x in start.items():
+    for path, x in nominal.items():
         y = changed[path]
         if x == y:
             continue
@@ -103,8 +103,8 @@ def _effects_of(name: str, start: Numbers, changed: Numbers, change: float) -> d
     return out
 
 
-def _require_linear(name: str, start: Numbers, changed: Numbers, changes: Mapping[Path, float]) -> None:
-    for path, x in start.items():
+def _require_linear(name: str, nominal: Numbers, changed: Numbers, changes: Mapping[Path, float]) -> None:
+    for path, x in nominal.items():
         if not isinstance(x, int | float) or isinstance(x, bool):
             continue
         y, expected = float(changed[path]), x + changes.get(path, 0.0)  # type: ignore[arg-type]
