@@ -56,7 +56,7 @@ DIMENSIONS: dict[str, dict[str, Factor]] = {  # dimension: units by name in SI u
     "torque": {"N m": ONE, "N mm": Factor(Fraction(1, 1000)), "N cm": Factor(Fraction(1, 100)),
                "kN m": Factor(Fraction(1000)), "lbf in": Factor(Fraction("0.1129848290276167")),
                "lbf ft": Factor(Fraction("1.3558179483314004"))},
-    "angular velocity": {"rad/s": ONE, "rpm": Factor(Fraction(1, 30), 1)},
+    "rotation": {"rad/s": ONE, "rpm": Factor(Fraction(1, 30), 1)},
     "pressure": {"N/m^2": ONE} | _named(Pa=1, kPa=1000, MPa=1000000, GPa=1000000000, bar=100000),
     "energy": _named(J=1, mJ="1/1000", kJ=1000),
     "power": _named(W=1, mW="1/1000", kW=1000),

@@ -19,7 +19,7 @@ class Rates:
     """y' = f(y); the last component is not under control."""
 
     ny = 3
-    measured = slice(0, 2)
+    error_components = slice(0, 2)
 
     def __init__(self, f=None, noise=0.0, jumps=()):
         self.f, self.rounding, self.jumps = f, noise, jumps
