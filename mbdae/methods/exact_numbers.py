@@ -108,7 +108,7 @@ def _evaluate(node: ast.expr, text: str) -> Number:
     raise ValueError(f"not an exact number: {text!r}")
 
 
-def regular_inverse(matrix: list[list[Number]]) -> list[list[Number]]:
+def exact_inverse(matrix: list[list[Number]]) -> list[list[Number]]:
     """Return the inverse of a square matrix by elimination.
 
     Raises:
