@@ -175,9 +175,9 @@ class _Stages:
     def solve(self, K: Array, Z: Array, partials: Linearization, solvers: list[Solver]) -> StageMemory:
         """Iterate from a guess of K (s, ny) and Z (s, m).
 
-        Changes of X decrease by the factor ``rate`` (Hairer, Wanner II, section IV.8), measured over pairs of iterations:
-        a correction of X violates G v = 0, which the second iteration corrects. Once a change is small, it determines
-        the number of remaining iterations, before rounding dominates the measured rate.
+        Changes of X decrease by the factor ``rate`` (Hairer, Wanner II, section IV.8), measured over pairs of
+        iterations: a correction of X violates G v = 0, which the second iteration corrects. Once a change is small, it
+        determines the number of remaining iterations, before rounding dominates the measured rate.
 
         Raises:
             StepError: if the iteration diverges or is too slow.

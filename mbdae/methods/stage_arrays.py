@@ -57,7 +57,7 @@ def stage_arrays(c: Array, A: Array, b: Array, R_infinity: float) -> StageArrays
     """Return the arrays of a method.
 
     A with a multiple eigenvalue (SDIRK) has no basis of eigenvectors. Its modes are those of a matrix whose diagonal
-    entries differ by multiples of a millionth; the simplified Newton iteration converges to the stages of A nevertheless.
+    differs by multiples of a millionth; the simplified Newton iteration converges to the stages of A nevertheless.
 
     Args:
         c: nodes, (s,).
