@@ -41,7 +41,7 @@ class Extremum(NamedTuple):
 
 
 class Integrals(NamedTuple):
-    """The mean, the root of the mean square, and the integral over time (unit times s) of a signal."""
+    """The mean, the root mean square, and the integral over time (unit times s) of a signal."""
 
     mean: float
     rms: float
@@ -53,10 +53,10 @@ class Statistics(Tabular):
     """Extrema, means and integrals of signals over a run.
 
     Attributes:
-        minimum: by signal.
-        maximum: by signal.
-        integrals: by signal.
-        units: by signal.
+        minimum: smallest value of each signal.
+        maximum: largest value of each signal.
+        integrals: mean, root mean square and integral of each signal.
+        units: unit of each signal.
     """
 
     minimum: dict[str, Extremum]
@@ -147,7 +147,7 @@ def extrema(sol: "Solution", names: Collection[str]) -> dict[str, tuple[Extremum
 
 
 def integrals(sol: "Solution", names: Collection[str]) -> dict[str, Integrals]:
-    """Return means, roots of mean squares and integrals of signals over a run, from its first time to its last.
+    """Return means, root mean squares and integrals of signals over a run, from its first time to its last.
 
     Residuals g and Gv are integrated from step to step; impulses are not functions of time, and give nan.
     """
