@@ -51,8 +51,8 @@ def require_derivatives_of_g(system: ConstraintDerivatives, t: float, y: Array) 
     if quotients:
         i = int(np.argmax(np.abs(quotients[0] - derivative)))
         raise InputError(
-            f"g_y or g_t of {system.problem.title!r} is not the derivative of g at the start: g_t + g_y w of row {i + 1} "
-            f"is {derivative[i]:.6g} in a direction w where difference quotients give {quotients[0][i]:.6g}"
+            f"g_y or g_t of {system.problem.title!r} is not the derivative of g at the start: g_t + g_y w of row "
+            f"{i + 1} is {derivative[i]:.6g} in a direction w where difference quotients give {quotients[0][i]:.6g}"
         )
 
 

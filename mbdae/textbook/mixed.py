@@ -27,7 +27,9 @@ ITERATIONS = 30
 
 @dataclass(frozen=True, kw_only=True)
 class MixedHessenberg(Hessenberg):
-    """The problem y' = f(t, y, z, u), 0 = k(t, y, z, u), 0 = g(t, y); k_u and g_y (f_z - f_u k_u^-1 k_z) are nonsingular.
+    """The problem y' = f(t, y, z, u), 0 = k(t, y, z, u), 0 = g(t, y).
+
+    The matrices k_u and g_y (f_z - f_u k_u^-1 k_z) are nonsingular.
 
     Args:
         f, g, y0, z0, g_y, g_t, title, exact, name, duration: see `Hessenberg`.
