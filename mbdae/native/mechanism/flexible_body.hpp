@@ -22,8 +22,8 @@ struct FramePose {
 
 class FlexibleBody {
  public:
-  // base: the degrees of freedom that move the frame, outward; first_pose, first_column: first pose and column of J of
-  // the nodes.
+  // base: the degrees of freedom that move the frame, from the root outward; first_pose, first_column: first pose and
+  // column of J of the nodes.
   FlexibleBody(ModalBody data, std::vector<int> base, int first_pose, int first_column);
 
   const ModalBody data;
