@@ -24,7 +24,7 @@ struct Cubic {
     return value(c[1] >= 0 ? -c[2] / (c[1] + root) : (root - c[1]) / (3 * c[0]));
   }
 
-  double steepest() const { return c[2] < 0 ? 0 : -c[1] / (3 * c[0]); }  // where it decreases fastest in [0, minimum]
+  double falling() const { return c[2] < 0 ? 0 : -c[1] / (3 * c[0]); }  // a point before the minimum where it falls
 
   // The first zero in (0, 1), of the cubic divided by x if it is zero at 0; 1 if there is none.
   double first_zero() const {
