@@ -12,7 +12,7 @@ from typing import Union
 
 @dataclass(frozen=True)
 class Surd:
-    """The number ``a + b sqrt(d)`` with rational a, b and an integer d > 1 that is no square."""
+    """The number ``a + b sqrt(d)`` with rational a, b and an integer d > 1 that is not a perfect square."""
 
     a: Fraction
     b: Fraction

@@ -106,7 +106,7 @@ def check_conditions(tableau: RungeKutta, max_order: int | None = None) -> Condi
 
 
 def with_proven_orders(tableau: Tableau) -> Tableau:
-    """Return a tableau without claims with the orders that the conditions prove, up to `MAX_PROVEN_ORDER`.
+    """Complete a tableau without claims by the orders that the conditions prove, up to `MAX_PROVEN_ORDER`.
 
     Raises:
         InputError: for a tableau of order 0.
