@@ -18,7 +18,7 @@ class MultibodyTree {
   ~MultibodyTree();
 
   bool planar() const;  // whether all bodies move in parallel planes, and `planar_sweep` computes them
-  // the same joints, numbers of modes and of nodes
+  // whether flexible bodies have the same joints and numbers of modes and nodes as those of this tree
   bool has_same_structure(const std::vector<ModalBody>& flexible) const;
   // Use another model with the same joints; results of the previous one are discarded.
   void write(const void* model, const Tolerances& tolerances, std::vector<ModalBody> flexible);

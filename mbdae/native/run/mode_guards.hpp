@@ -22,7 +22,7 @@ struct Guard {
   double reference = 0;  // last tooth of a ratchet, in pitches
   double size = 0;           // largest magnitude so far
   double level = 0;          // value at which the mode ends
-  double return_time = NAN;  // s: predicted contact closure after an impact; nan: none
+  double return_time = NAN;  // s: after the contact closure predicted for an impact; nan: none
   double unit = 0;           // typical magnitude
 
   bool monitors_multiplier() const { return kind == separation || kind == slip; }
