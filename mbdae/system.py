@@ -5,8 +5,7 @@ A problem is an index-2 differential-algebraic equation in Hessenberg form on a 
     y' = f(t, y, z),   0 = g(t, y),   g_y f_z nonsingular,
 
 with y a point (an array of numbers, some of which may be quaternions) and tangent vectors of length ny. A mechanism is
-one such problem: y = (q, v, s, w) with the states s of forces and the work w, z = lam (Hairer, Lubich, Roche 1989, eqs.
-(1.7) to (1.9)).
+one: y = (q, v, s, w), s the states of forces, w the work, z = lam (Hairer, Lubich, Roche 1989, eqs. (1.7) to (1.9)).
 """
 
 from collections.abc import Callable
