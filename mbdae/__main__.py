@@ -12,7 +12,7 @@ from .cli.output import FAILED, HOLDS, USAGE
 from .discovery import Members, command_names
 from .errors import InputError, MbdaeError, printable
 
-GC_THRESHOLD = 150_000  # new objects before a garbage collection: more than a run makes, and nearly all stay alive
+GC_THRESHOLD = 150_000  # new objects before a garbage collection: more than a run creates, and nearly all stay alive
 
 
 COMMANDS = Members(command_names("mbdae.studies"), lambda module, name: getattr(module, name.replace("-", "_")))

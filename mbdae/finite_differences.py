@@ -47,7 +47,7 @@ def weights(points: Iterable[int], h: float) -> dict[int, float]:
 
 
 def numerical_derivative(value: Callable[[float], Any], h: float) -> Any:
-    """Return the derivative of value: x -> number or array at x = 0, from points at distances h."""
+    """Return the derivative of value: x -> number or array at x = 0, from points h apart."""
     return central_difference({k: value(k * h) for k in STENCIL}, h)
 
 

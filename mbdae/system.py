@@ -2,10 +2,10 @@
 
 A problem is an index-2 differential-algebraic equation in Hessenberg form on a manifold,
 
-    y' = f(t, y, z),   0 = g(t, y),   g_y f_z regular,
+    y' = f(t, y, z),   0 = g(t, y),   g_y f_z nonsingular,
 
 with y a point (an array of numbers, some of which may be quaternions) and tangent vectors of length ny. A mechanism is
-one such problem: y = (q, v, w) with the work w, z = lam (Hairer, Lubich, Roche 1989, eqs. (1.7) to (1.9)).
+one: y = (q, v, s, w), s the states of forces, w the work, z = lam (Hairer, Lubich, Roche 1989, eqs. (1.7) to (1.9)).
 """
 
 from collections.abc import Callable
@@ -139,7 +139,7 @@ class VariationalStep(Protocol):
         """Return the Newton corrections of x and of the multipliers."""
 
     def measure(self, dx: Array, x: Array) -> tuple[float, float]:
-        """Return the norms of dx and of q_0, relative to the norm of x."""
+        """Return the largest components of dx and of q_0, both relative to the largest component of x."""
 
     def end(self, x: Array, lam: Array) -> tuple[Array, Array]:
         """Return the displacement of y, (ny,), and the multipliers at the end of the step, (nz,)."""

@@ -18,7 +18,7 @@ from .errors import InputError, UnknownNameError
 
 
 class Factor(NamedTuple):
-    """A factor ratio pi^pi_power; decimal fractions stay exact, so that 120 mm are the same number as 0.12 m."""
+    """A factor ratio pi^pi_power; decimal fractions stay exact, so that 120 mm equals 0.12 m to the last bit."""
 
     ratio: Fraction
     pi_power: int = 0
@@ -233,8 +233,8 @@ def display_units(*names: str) -> Iterator[None]:
     is shown in N mm and an inertia in kg mm^2, unless ``"N m"`` is also given.
 
     Args:
-        names: of units, one or several separated by commas: lengths m, mm, cm, in, ...; angles rad, deg, rev; masses
-            kg, g, t, lb; times s, ms, min; forces N, kN, lbf; torques N m, N mm; speeds of rotation rpm; pressures MPa;
+        names: one or several units, separated by commas: lengths m, mm, cm, in, ...; angles rad, deg, rev; masses
+            kg, g, t, lb; times s, ms, min; forces N, kN, lbf; torques N m, N mm; angular velocities rpm; pressures MPa;
             energies J, kJ; powers W, kW.
 
     Raises:

@@ -37,7 +37,7 @@ def multiple_option(*names: str, kind: str, default: object = None, **settings: 
     )
 
 
-def methods_option(help: str = "A method; several times for several.") -> Decorator:
+def methods_option(help: str = "A method; repeat the option for several.") -> Decorator:
     """Return the option for one or several methods."""
     return multiple_option(
         "-m", "--method", "methods", kind="Sequence[str]", help=help, shell_complete=completed(methods)

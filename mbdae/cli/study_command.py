@@ -103,7 +103,7 @@ def study_command(
     Args:
         words: options of the study, see `options_of`.
         files: files that the result writes.
-        exit_code: exit code by the result.
+        exit_code: exit code for a result.
         missing: description of what an interrupted study did not finish; empty for a finished study.
         settings: as for `command`.
     """

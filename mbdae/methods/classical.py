@@ -1,4 +1,4 @@
-"""Classical explicit tableaus used as HERK, as counterexamples: their order drops to 2.
+"""Classical explicit tableaus as HERK methods, counterexamples whose order drops to 2.
 
 A tableau designed without the constraint violates the order conditions of index 2. Kutta's method of order 3, the
 classical method of order 4 and the 3/8 rule all have order 2 (3 when f is linear in z, as in mechanics). They

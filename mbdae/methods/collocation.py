@@ -129,7 +129,8 @@ def _errors(a: StageArrays, F: Array, stages: StageMemory) -> Array:
 
     The right-hand side is that of an embedded formula of order s, since u' differs from y'_n by O(h^s) (Hairer, Wanner
     II, section IV.8); the system damps it in stiff directions and projects it onto 0 = g along f_z, so that an error of
-    z in y'_n has no effect. A second vector, for s >= 3, omits the first stage from u' and is one order lower.
+    z in y'_n has no effect; the multiplier * is not used. A second estimate, for s >= 3, omits the first stage from u'
+    and is one order lower.
     """
     h, zero = stages.h, np.zeros(stages.Z.shape[1])
     solve = stages.partials.factorize(h * a.gamma) if a.real is None else stages.solvers[a.real]
@@ -174,9 +175,9 @@ class _Stages:
     def solve(self, K: Array, Z: Array, partials: Linearization, solvers: list[Solver]) -> StageMemory:
         """Iterate from a guess of K (s, ny) and Z (s, m).
 
-        Changes of X decrease by ``rate`` (Hairer, Wanner II, section IV.8), which is measured over pairs of iterations:
-        a correction of X violates G v = 0, which the second iteration corrects. Once a change is small, it determines
-        the number of remaining iterations, before rounding dominates the measured rate.
+        Changes of X decrease by the factor ``rate`` (Hairer, Wanner II, section IV.8), measured over pairs of
+        iterations: a correction of X violates G v = 0, which the second iteration corrects. Once a change is small, it
+        determines the number of remaining iterations, before rounding dominates the measured rate.
 
         Raises:
             StepError: if the iteration diverges or is too slow.
@@ -268,11 +269,11 @@ class _Stages:
         )
 
     def _displacements(self, K: Array) -> Array:
-        """Return the measured components of X = h A K, (s, .)."""
+        """Return the error components of X = h A K, (s, .)."""
         return self.h * self.a.A.dot(K)[:, self.error_components]
 
     def _scale(self, K: Array) -> Array:
-        """Return the size of y plus its change in the step, at least a thousandth of the largest component.
+        """Return the size of y plus its change in the step, plus a thousandth of the largest component.
 
         The change is that of the initial guess; at rest without forces, where it is zero, that of the first correction.
         """

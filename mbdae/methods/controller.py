@@ -10,7 +10,7 @@ from ..tolerances import AGREEMENT, COARSE
 
 
 class Control(NamedTuple):
-    """Control parameters: the exponent of the last error, and the smallest and largest step ratio."""
+    """Control parameters: the exponent of the previous error, and the smallest and largest step-size ratio."""
 
     beta: float
     smallest: float
@@ -24,14 +24,14 @@ COMPANION_WEIGHT = 0.01  # weight of the second of two error estimates
 
 
 def error_norm(errors: np.ndarray, scale: np.ndarray, blend: float = 1.0) -> float:
-    """Return the weighted root mean square of error vectors, (k, m) over scale (m,); accepted below 1.
+    """Return the weighted root mean square of error vectors (k, m) relative to scale (m,); 1 is accepted.
 
     For one vector this is its norm err. For two vectors (an embedded formula and a companion of lower order) it is
     err_1^2 / (err_1^p + 0.01 err_2^p)^(1/p), which is small if both formulas are accurate: p = 1 in HEM5 (Brasey 1992),
     2 in DOP853 (Hairer, Noersett, Wanner I, (II.10.17)).
 
     Args:
-        errors: the vectors.
+        errors: the error vectors.
         scale: scale of each component.
         blend: the exponent p.
     """
@@ -63,7 +63,7 @@ class Controller:
 
     @property
     def beta(self) -> float:
-        """Exponent of the last error; 0 for estimates of low order."""
+        """Exponent of the previous error; 0 for estimates of low order."""
         return self.control.beta if self.power > 2 else 0.0
 
     @property

@@ -52,7 +52,7 @@ class CoupledMethod(ABC):
 
     @property
     def solves(self) -> int:
-        """Stage evaluations per step with a typical five iterations, 5 s.
+        """Stage evaluations per step with five iterations, a typical number: 5 s.
 
         An iteration evaluates s residuals and solves s // 2 complex systems of one stage, and a real one for odd s.
         """

@@ -12,7 +12,7 @@ from typing import Union
 
 @dataclass(frozen=True)
 class Surd:
-    """The number ``a + b sqrt(d)`` with rational a, b and an integer d > 1 that is no square."""
+    """The number ``a + b sqrt(d)`` with rational a, b and an integer d > 1 that is not a perfect square."""
 
     a: Fraction
     b: Fraction
@@ -108,7 +108,7 @@ def _evaluate(node: ast.expr, text: str) -> Number:
     raise ValueError(f"not an exact number: {text!r}")
 
 
-def regular_inverse(matrix: list[list[Number]]) -> list[list[Number]]:
+def exact_inverse(matrix: list[list[Number]]) -> list[list[Number]]:
     """Return the inverse of a square matrix by elimination.
 
     Raises:

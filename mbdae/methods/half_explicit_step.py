@@ -51,7 +51,7 @@ def step_doubling(
     h: float,
     state: State,
 ) -> Step:
-    """Take two half steps, with the error estimate (y_half - y_full) / (2^p - 1), without an embedded formula.
+    """Take two half steps, with the error estimate (y_half - y_full) / (2^p - 1), which needs no embedded formula.
 
     Source: Richardson extrapolation, Hairer, Noersett, Wanner I, (II.4.4).
     """

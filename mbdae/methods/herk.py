@@ -1,6 +1,6 @@
 """Half-explicit Runge-Kutta methods (HERK), which carry only y from step to step.
 
-Row i of Ahat is row i + 1 of A, the last one is b, so only A and b are printed. Sources:
+Row i of Ahat is row i + 1 of A, the last one is b, so only A and b are listed. Sources:
 
 * E. Hairer, Ch. Lubich and M. Roche, The Numerical Solution of Differential-Algebraic Systems by Runge-Kutta
   Methods, Springer 1989;

@@ -2,7 +2,7 @@
 
 Source of the coefficients: Hairer, Wanner, Solving Ordinary Differential Equations II, tables IV.5.2 to IV.5.12. The
 orders for index 2 are those of section VII.4 there (Hairer, Lubich, Roche 1989, chapter 4). The trapezoidal rule and
-the other Lobatto IIIA methods have a singular A.
+the other Lobatto IIIA methods are missing, since their A is singular.
 """
 
 from .exact_numbers import row, rows

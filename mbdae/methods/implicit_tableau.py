@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import InputError
 from ..system import State, Step, System
 from .coupled_method import CoupledMethod
-from .exact_numbers import Number, exact, regular_inverse
+from .exact_numbers import Number, exact, exact_inverse
 from .stage_arrays import StageArrays, stage_arrays
 from .tableau import Row, Text
 
@@ -19,7 +19,7 @@ ZERO = Fraction(0)
 
 @dataclass(frozen=True)
 class ImplicitTableau(CoupledMethod):
-    """Coefficients of an implicit Runge-Kutta method for y' = f(t, y, z), 0 = g(t, y), with a regular A.
+    """Coefficients of an implicit Runge-Kutta method for y' = f(t, y, z), 0 = g(t, y), with a nonsingular A.
 
     All stages Y_i = y_0 + h sum_j a_ij f(t_j, Y_j, Z_j) satisfy 0 = g(t_i, Y_i); then, with omega = A^-1,
 
@@ -96,7 +96,7 @@ class ImplicitTableau(CoupledMethod):
     @cached_property
     def R_infinity(self) -> Number:
         """R(infinity) = 1 - sum_ij b_i omega_ij, exact."""
-        omega = regular_inverse(self._square)
+        omega = exact_inverse(self._square)
         weights = (b * x for b, row in zip(self.exact_b[1:], omega, strict=True) for x in row)
         return 1 - sum(weights, start=ZERO)
 

@@ -31,7 +31,7 @@ class RadauIIA(CoupledMethod):
     stages: int
 
     family = "Radau IIA"
-    R_infinity = 0.0  # R(infinity)
+    R_infinity = 0.0  # b is the last row of A
     reference = "Hairer, Wanner, Solving Ordinary Differential Equations II, sections IV.5 and VII.4"
 
     def __post_init__(self) -> None:
@@ -70,7 +70,7 @@ class RadauIIA(CoupledMethod):
 
     @property
     def error_power(self) -> int:
-        """Power of h in the error estimate: s + 1, one more if a second vector improves it (s >= 3)."""
+        """Power of h in the error estimate: s + 1, one more if a second estimate improves it (s >= 3)."""
         return self.order_embedded + 1 + (self.stages >= 3)
 
     @cached_property

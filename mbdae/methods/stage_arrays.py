@@ -56,12 +56,12 @@ class StageArrays:
 def stage_arrays(c: Array, A: Array, b: Array, R_infinity: float) -> StageArrays:
     """Return the arrays of a method.
 
-    A with a multiple eigenvalue (SDIRK) has no basis of eigenvectors. Its modes are those of a matrix whose
-    diagonal differs by a millionth; the simplified Newton iteration converges to the stages of A nevertheless.
+    A with a multiple eigenvalue (SDIRK) has no basis of eigenvectors. Its modes are those of a matrix whose diagonal
+    differs by multiples of a millionth; the simplified Newton iteration converges to the stages of A nevertheless.
 
     Args:
         c: nodes, (s,).
-        A: coefficients, (s, s), regular.
+        A: coefficients, (s, s), nonsingular.
         b: weights, (s,).
         R_infinity: R(infinity).
     """

@@ -80,7 +80,7 @@ class Tableau:
     control = PI
     roundings = 0  # per step, in sums without compensation
     position_pivot = np.inf  # stages do not divide position residuals by h^2
-    blend = 1.0  # weight between two error estimates, see `mbdae.methods.controller.error_norm`
+    blend = 1.0  # exponent p for two error estimates, see `mbdae.methods.controller.error_norm`
 
     def __post_init__(self) -> None:
         for key, order in vars(self).items():
@@ -102,7 +102,7 @@ class Tableau:
         A, Ahat, first = self.exact_A, self.exact_Ahat, int(self.explicit_first)
         lower = len(Ahat) == n and _is_lower(A, 0) and _is_lower(Ahat, 1)
         if not (lower and all(Ahat[i][i] for i in range(first, n)) and self.exact_b in Ahat[first:]):
-            shape = "A strictly lower, Ahat lower with a regular diagonal, b a row of Ahat"
+            shape = "A strictly lower, Ahat lower with a nonzero diagonal, b a row of Ahat"
             raise InputError(f"tableau {self.name!r}: {shape}")
         if not np.isfinite(self.noise):
             raise InputError(f"tableau {self.name!r}: its weights divided by the diagonal of Ahat overflow")
@@ -154,7 +154,7 @@ class Tableau:
 
     @cached_property
     def noise(self) -> float:
-        """Rounding error of an error estimate of v, relative to |v|: 2 eps sum_i |e_i / ahat_ii|.
+        """Rounding error of an error estimate of v, relative to |v|: 2 eps sum_i |e_i / ahat_ii|, or with b_i for e_i.
 
         A stage computes v' = -G v / (h ahat_ii) + ..., which has the rounding error eps |v| / (h ahat_ii).
         """
@@ -239,7 +239,7 @@ def _row(text: Text, n: int) -> Row:
 
 
 def _is_lower(rows: list[Row], diagonal: int) -> bool:
-    """Return whether entries on and above a diagonal are zero."""
+    """Return whether entries on and above a diagonal are zero; 0: the main diagonal, 1: the one above it."""
     return not any(any(row[i + diagonal :]) for i, row in enumerate(rows))
 
 

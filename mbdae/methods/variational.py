@@ -1,7 +1,7 @@
 """Symmetric compositions of RATTLE: symplectic methods of orders 2, 4, 6 and 8 for mechanisms, with fixed steps.
 
 A step of size h consists of RATTLE steps of sizes gamma_i h. With constant steps the energy of a conservative mechanism
-stays within bounds over long times, where that of other methods drifts.
+stays within bounds over long times, whereas that of other methods drifts.
 
 The weights of orders 6 and 8 are those of Kahan and Li, refined from 20 to 32 digits by Newton's method on the order
 conditions, `mbdae.methods.order.composition`.
@@ -107,7 +107,7 @@ class Composition(NewtonMethod):
 
     @property
     def solves(self) -> int:
-        """Linear solves per step with typical iterations."""
+        """Linear solves per step with a typical number of iterations."""
         return TYPICAL_EVALUATIONS * len(self.weights)
 
     @property

@@ -153,7 +153,7 @@ def _restored(data: dict[str, Any], meshes: Sequence[Path]) -> tuple[Any, int, i
 
 
 def read(path: str | Path, meshes: Sequence[str | Path] = ()) -> dict[str, Any]:
-    """Read a .npz file; return the arguments of `mbdae.Solution`. Warns about a file of another version of mbdae.
+    """Read a .npz file; return the arguments of `mbdae.Solution`; warn about a file of another version of mbdae.
 
     Sizes are checked first: only the arrays of a run are unpacked, and only if they have the shapes in the metadata.
 
@@ -218,7 +218,7 @@ def _arguments(
     if unknown := sorted(shapes.keys() - {*names}):
         raise ValueError(f"unknown array {unknown[0]!r}")
     _check_run(run, shapes, width, ng)
-    _check_numbers(problem, run, ng)
+    _check_indices(problem, run, ng)
     if run.arrays is not None and run.arrays != shapes:
         raise ValueError("its arrays do not have the shapes in its metadata")
     data = _arrays(path, names)
@@ -253,7 +253,7 @@ def _check_points(t: np.ndarray, y: np.ndarray) -> None:
         raise ValueError("times are not in order, or points are not finite")
 
 
-def _check_numbers(problem: object, run: _Run, ng: int) -> None:
+def _check_indices(problem: object, run: _Run, ng: int) -> None:
     """Reject rows, start values and modes that are invalid for the mechanism."""
     if any(not 0 <= k < ng for _, rows in run.in_use for k in rows):
         raise ValueError("rows in use that the mechanism does not have")

@@ -27,7 +27,7 @@ MOVING = COARSE  # fraction of the rate of gravity, a cheap first check: faster 
 
 
 class Residuals(NamedTuple):
-    """Invariants and constraint residuals at the times of a solution.
+    """Constraint residuals and energies at the times of a solution.
 
     Attributes:
         g: position residuals of all rows (m, or rad for directions), (n, ng).
@@ -125,7 +125,7 @@ def contact_paths(sol: "Solution") -> dict[str, Array]:
 
 
 def contact_forces(sol: "Solution") -> dict[str, Array]:
-    """Return the forces of rolling closures, and their required friction."""
+    """Return the contact forces of rolling closures, and the friction coefficients required not to slip."""
     contacts = {c.name: contact(sol.mechanism, c.name, sol.t, sol.q, sol.lam) for c in rolling_closures(sol.mechanism)}
     return {f"{kind}.{name}": getattr(x, kind) for name, x in contacts.items() for kind in CONTACT}
 

@@ -40,7 +40,7 @@ class DenseOutput:
 
     @property
     def nodes(self) -> tuple[Array, Array, Array]:
-        """Times, points and the method's multipliers of all steps."""
+        """Times, points and the method's multipliers at the start of the run and the ends of all steps."""
         return self.steps or (self.t, self.y, self.z_own)
 
     def at(self, i: int) -> Any:
@@ -83,7 +83,7 @@ class DenseOutput:
 
     @property
     def jump_margin(self) -> float:
-        """Largest time between both nodes of a jump: roundings of the time span, even if a run ends early."""
+        """Largest time between the two nodes of a jump: roundings of the time span, even if a run ends early."""
         ts, span = self.nodes[0], self.settings.get("t_span", ())
         return JUMP_DISTANCE * float(np.spacing(max(*np.abs([ts[0], ts[-1], *span]), NEGLIGIBLE)))
 
@@ -96,7 +96,7 @@ class DenseOutput:
         return (gap == 0) | (gap <= self.jump_margin) & (q[1:] == q[:-1]).all(axis=1)
 
     def point(self, t: float) -> Array:
-        """Return y at any time of the run, interpolated within steps; between both nodes of a jump, y before the jump.
+        """Return y at any time of the run, interpolated within steps; between the two nodes of a jump, y before it.
 
         Raises:
             InputError: for a time outside.

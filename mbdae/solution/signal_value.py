@@ -197,8 +197,8 @@ def value(system: "Index2System", signal: SignalValue, t: float, y: Array) -> fl
     lam = with_slip_friction(system, q, v, lam)
     if kind in PYTHON_KINDS:
         name, state_slice = list(units(system.mechanism))[signal.i], slice(system.nq + system.nv, -1)
-        parts: Any = (np.array(x, ndmin=2) for x in (q, v, y[state_slice], F[system.nv : 2 * system.nv], lam))
-        point: Any = SinglePoint(system.mechanism, np.array([t]), *parts)
+        arrays: Any = (np.array(x, ndmin=2) for x in (q, v, y[state_slice], F[system.nv : 2 * system.nv], lam))
+        point: Any = SinglePoint(system.mechanism, np.array([t]), *arrays)
         return float(signals(point, [name])[name][0])
     return _value_from_multipliers(system, kind, list(signal.rows), q, lam)
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 class Sample(NamedTuple):
-    """The state of a mechanism between steps: q (nq,) and v (nv,), or a row for each time."""
+    """Configuration q (nq,) and velocity v (nv,) of a mechanism at a time, or a row for each of several times."""
 
     q: Array
     v: Array
@@ -50,7 +50,7 @@ class Solution(DenseOutput, Tabular):
         stats: counts of steps, rejections, evaluations, solves, and seconds; ``"drift"`` of a mechanism, largest |g|
             at the ends of steps, in rad or characteristic lengths.
         settings: method, tolerances and step sizes of the run.
-        steps: times, points and the method's multipliers of all steps, if ``t_eval`` requested other times.
+        steps: times, points and the method's multipliers at the ends of all steps, if ``t_eval`` requested other times.
         events: for each event function the times (k,) and points (k, ...) of its zeros.
         singular: configurations of the run in which closures lose rank.
         modes: states of ``mechanism.switches`` (stops, contacts, ...), and the first node of each.
@@ -196,7 +196,7 @@ class Solution(DenseOutput, Tabular):
 
     @property
     def redundant(self) -> dict[str, int]:
-        """Return closures with non-unique reactions, and the number of their redundant rows, at the start."""
+        """Closures with non-unique reactions, and the number of their redundant rows, at the start."""
         return redundant(self.mechanism, self.t[0], self.q[0])
 
     def __call__(self, t: float | Array) -> Sample:

@@ -41,7 +41,7 @@ class Extremum(NamedTuple):
 
 
 class Integrals(NamedTuple):
-    """The mean, the root of the mean square, and the integral over time (unit times s) of a signal."""
+    """The mean, the root mean square, and the integral over time (unit times s) of a signal."""
 
     mean: float
     rms: float
@@ -53,10 +53,10 @@ class Statistics(Tabular):
     """Extrema, means and integrals of signals over a run.
 
     Attributes:
-        minimum: by signal.
-        maximum: by signal.
-        integrals: by signal.
-        units: by signal.
+        minimum: smallest value of each signal.
+        maximum: largest value of each signal.
+        integrals: mean, root mean square and integral of each signal.
+        units: unit of each signal.
     """
 
     minimum: dict[str, Extremum]
@@ -126,8 +126,8 @@ def extrema(sol: "Solution", names: Collection[str]) -> dict[str, tuple[Extremum
     out = {name: (_extremum(x, t, np.argmin), _extremum(x, t, np.argmax)) for name, x in ends.items()}
     if not smooth or not len(run.steps):  # no step to sample
         return out
-    nodes = np.array([ends[name] for name in smooth])
-    span, steps = np.ptp(nodes, axis=1)[:, None], run.candidates(nodes)
+    values_at_nodes = np.array([ends[name] for name in smooth])
+    span, steps = np.ptp(values_at_nodes, axis=1)[:, None], run.candidates(values_at_nodes)
     last = np.full((len(smooth), len(t)), np.inf)
     for degree in DEGREES:
         if not len(steps):
@@ -147,7 +147,7 @@ def extrema(sol: "Solution", names: Collection[str]) -> dict[str, tuple[Extremum
 
 
 def integrals(sol: "Solution", names: Collection[str]) -> dict[str, Integrals]:
-    """Return means, roots of mean squares and integrals of signals over a run, from its first time to its last.
+    """Return means, root mean squares and integrals of signals over a run, from its first time to its last.
 
     Residuals g and Gv are integrated from step to step; impulses are not functions of time, and give nan.
     """
@@ -205,13 +205,13 @@ class _Steps:
         at_ends, nodes = np.union1d(self.steps, self.steps + 1), np.arange(len(self.t))
         return at_ends[np.minimum(np.searchsorted(at_ends, nodes), len(at_ends) - 1)] if len(at_ends) else nodes
 
-    def candidates(self, nodes: Array) -> Array:
+    def candidates(self, values: Array) -> Array:
         """Return steps that may contain an extremum of a signal with these values at the nodes, (names, n)."""
-        around = np.pad(nodes, ((0, 0), (1, 1)), mode="edge")
+        around = np.pad(values, ((0, 0), (1, 1)), mode="edge")
         windows = np.lib.stride_tricks.sliding_window_view(around, 4, axis=1)
         variation, pairs = np.ptp(windows, axis=2), windows[..., 1:3]
-        high = pairs.max(axis=2) + variation >= nodes.max(axis=1, keepdims=True)
-        low = pairs.min(axis=2) - variation <= nodes.min(axis=1, keepdims=True)
+        high = pairs.max(axis=2) + variation >= values.max(axis=1, keepdims=True)
+        low = pairs.min(axis=2) - variation <= values.min(axis=1, keepdims=True)
         possible = (high | low).any(axis=0)
         return self.steps[possible[self.steps]]
 

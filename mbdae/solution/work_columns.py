@@ -42,7 +42,7 @@ class StepIntegrals(NamedTuple):
         return self.starts[:, steps] + np.einsum("kmi,mi->km", self.series[:, steps], powers)
 
 
-def actuators(mech: "Mechanism") -> list[str]:
+def elements_with_power(mech: "Mechanism") -> list[str]:
     """Return the names of all forces, drivers and sticking joints that have a power."""
     forces = [name.removeprefix(POWER) for name in effort_units(mech) if name.startswith(POWER)]
     return [*forces, *(d.name for d in mech.drivers), *brake_rows(mech)]
@@ -50,7 +50,7 @@ def actuators(mech: "Mechanism") -> list[str]:
 
 def work_units(mech: "Mechanism") -> dict[str, str]:
     """Return names and units of the columns of `work_columns`."""
-    return {f"{WORK}{name}": "J" for name in actuators(mech)}
+    return {f"{WORK}{name}": "J" for name in elements_with_power(mech)}
 
 
 def work_columns(sol: "Solution") -> dict[str, Array]:
@@ -58,7 +58,7 @@ def work_columns(sol: "Solution") -> dict[str, Array]:
 
     NaN for a sequence of poses computed by a study, which has no steps in between.
     """
-    names = actuators(sol.mechanism)
+    names = elements_with_power(sol.mechanism)
     if not names:
         return {}
     if "dense_order" not in sol.settings:

@@ -96,7 +96,7 @@ class HessenbergChart:
         return self.system.f(t, y, z) - dx, -self.system.g(t, y)
 
     def linearize(self, x: Array, dx: Array, z: Array) -> "LinearizedHessenberg":
-        """Return f_y, f_z and g_y at y = y_n + x."""
+        """Return f_y, f_z and g_y at y = y_n + x and the start time of the step."""
         s, y = self.system, self.y + x
         return LinearizedHessenberg(s.f_y(self.t, y, z), s.f_z(self.t, y, z), s.g_y(self.t, y), s.counts, self.t)
 
@@ -119,7 +119,7 @@ class LinearizedHessenberg(NamedTuple):
     t: float
 
     def apply_E(self, e: Array) -> Array:
-        """Return e (ny,): all components are differential."""
+        """Return e, (ny,): E is the identity."""
         return e
 
     def matrices(self) -> tuple[Array, Array, Array, Array]:

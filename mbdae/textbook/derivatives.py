@@ -36,7 +36,7 @@ def require_derivatives_of_g(system: ConstraintDerivatives, t: float, y: Array) 
     Where g has a kink, as at the first entry of a table, one-sided derivatives are accepted.
 
     Raises:
-        InputError: if three digits do not agree; even for g = a t^1.5, difference quotients have four.
+        InputError: if three digits do not agree; even for g = a t^1.5, difference quotients have four correct digits.
     """
     w = (1 + np.abs(y)) * (0.5 + np.arange(1, len(y) + 1) * IRRATIONAL % 1)
     g_y, g_t = system.g_y(t, y), system.g_t(t, y)
@@ -51,8 +51,8 @@ def require_derivatives_of_g(system: ConstraintDerivatives, t: float, y: Array) 
     if quotients:
         i = int(np.argmax(np.abs(quotients[0] - derivative)))
         raise InputError(
-            f"g_y or g_t of {system.problem.title!r} is no derivative of g at the start: g_t + g_y w of row {i + 1} is "
-            f"{derivative[i]:.6g} in a direction w where difference quotients give {quotients[0][i]:.6g}"
+            f"g_y or g_t of {system.problem.title!r} is not the derivative of g at the start: g_t + g_y w of row "
+            f"{i + 1} is {derivative[i]:.6g} in a direction w where difference quotients give {quotients[0][i]:.6g}"
         )
 
 

@@ -27,7 +27,7 @@ START_TOLERANCE = INPUT_DIGITS  # fraction of 1 + |y|: largest |g| at the start
 
 @dataclass(frozen=True)
 class Hessenberg:
-    """The problem y' = f(t, y, z), 0 = g(t, y), with g_y f_z regular.
+    """The problem y' = f(t, y, z), 0 = g(t, y), with g_y f_z nonsingular.
 
     Args:
         f: f(t, y, z) -> (ny,).
@@ -116,7 +116,7 @@ class HessenbergSystem(System):
         self._roots: dict[bytes, Array] = {y.tobytes(): z}  # z at the last points, as initial values of Newton's method
 
     def require_start(self, t: float, y: Array, z: Array) -> None:
-        """Check the shapes of functions, the derivatives of g, and that the index is 2, at the start of a run.
+        """Check the shapes of the values of functions, the derivatives of g, and the index 2, at the start of a run.
 
         Raises:
             InputError, StepError: as `Hessenberg.point`.
@@ -243,17 +243,17 @@ class HessenbergSystem(System):
         for _ in range(30):
             z_view = read_only(z)
             F = self.f(t, y, z_view)
-            r, rate = residual(F), derivative(F)
+            r, r_F = residual(F), derivative(F)
             self.counts.solves += 1
             self.counts.factorizations += 1
-            *_, dz, info = lapack().dgesv(factor * rate.dot(self.f_z(t, y, z_view)), r)
+            *_, dz, info = lapack().dgesv(factor * r_F.dot(self.f_z(t, y, z_view)), r)
             if info:
                 break
             z = z - dz
             size, rounding = largest(dz), BELOW_ROUNDING * largest(z)
             if size <= 4 * rounding or is_last(size, last, rounding):
                 return z
-            if size >= 0.5 * last and largest(r) <= EVALUATION_ROUNDING * (1 + np.abs(rate).max() * largest(y)):
+            if size >= 0.5 * last and largest(r) <= EVALUATION_ROUNDING * (1 + np.abs(r_F).max() * largest(y)):
                 return z
             last = size
         raise StepError("newton", f"Newton's method for z does not converge at t = {t:.17g} in {self.problem.title!r}")

@@ -11,7 +11,7 @@ qr = lazy_import("scipy.linalg", "qr")
 
 
 def require_index_2(title: str, g_y: Array, f_z: Array) -> None:
-    """Check that g_y f_z is regular, scaled by rows and columns of |g_y| |f_z|: the rank does not depend on units.
+    """Check that g_y f_z is nonsingular, scaled by rows and columns of |g_y| |f_z|: the rank does not depend on units.
 
     Args:
         title: title of the problem.
@@ -28,7 +28,7 @@ def require_index_2(title: str, g_y: Array, f_z: Array) -> None:
 
 
 def require_index_1(title: str, k_u: Array) -> None:
-    """Check that k_u is regular, scaled by its rows and columns.
+    """Check that k_u is nonsingular, scaled by its rows and columns.
 
     Args:
         title: title of the problem.
@@ -43,7 +43,7 @@ def require_index_1(title: str, k_u: Array) -> None:
 
 
 def _require_regular(what: str, matrix: Array, sizes: Array, column: str, row: str) -> None:
-    """Check that a matrix (n, n) is regular, by QR with pivoting.
+    """Check that a matrix (n, n) is nonsingular, by QR with pivoting.
 
     Args:
         what: description of the matrix.

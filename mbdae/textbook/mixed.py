@@ -1,9 +1,9 @@
 """Problems of mixed index 1 and 2, with algebraic variables u of index 1 besides the multipliers.
 
-    y' = f(t, y, z, u),   0 = k(t, y, z, u),   0 = g(t, y),   k_u and g_y (f_z - f_u k_u^-1 k_z) regular
+    y' = f(t, y, z, u),   0 = k(t, y, z, u),   0 = g(t, y),   k_u and g_y (f_z - f_u k_u^-1 k_z) nonsingular
 
-At each stage of a method 0 = k is solved for u. This is the method for y' = f(t, y, z, u(t, y, z)), 0 = g(t, y),
-so that the orders of index 2 hold. Source: Hairer, Lubich, Roche, Lecture Notes in Mathematics 1409 (1989), chapter 1.
+At each stage of a method 0 = k is solved for u. The stages are those for y' = f(t, y, z, u(t, y, z)), 0 = g(t, y), so
+that the orders of index 2 hold. Source: Hairer, Lubich, Roche, Lecture Notes in Mathematics 1409 (1989), chapter 1.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,9 @@ ITERATIONS = 30
 
 @dataclass(frozen=True, kw_only=True)
 class MixedHessenberg(Hessenberg):
-    """The problem y' = f(t, y, z, u), 0 = k(t, y, z, u), 0 = g(t, y), with k_u and g_y (f_z - f_u k_u^-1 k_z) regular.
+    """The problem y' = f(t, y, z, u), 0 = k(t, y, z, u), 0 = g(t, y).
+
+    The matrices k_u and g_y (f_z - f_u k_u^-1 k_z) are nonsingular.
 
     Args:
         f, g, y0, z0, g_y, g_t, title, exact, name, duration: see `Hessenberg`.
@@ -71,7 +73,7 @@ class MixedSystem(HessenbergSystem):
         self._u, self._at = np.array(problem.u0, float), (np.nan, b"", b"")
 
     def require_start(self, t: float, y: Array, z: Array) -> None:
-        """Check the shapes of functions, and the indices 1 of u and 2 of z, at the start of a run."""
+        """Check the shapes of the values of functions, and the indices 1 of u and 2 of z, at the start of a run."""
         at = (t, y, z, self._u)
         self.value("k", self._u.shape, *at)
         require_index_1(self.problem.title, self._partials("k", 3, at))

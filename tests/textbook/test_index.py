@@ -127,7 +127,7 @@ def test_functions_may_return_the_same_array_at_each_call(method):
 
 @pytest.mark.parametrize(("name", "value"), [("g_y", [[2.0]]), ("g_t", [1.0])])
 def test_wrong_derivatives_of_g_are_rejected(name, value):
-    with pytest.raises(InputError, match=r"g_y or g_t of 'scalar' is no derivative of g at the start: .* row 1"):
+    with pytest.raises(InputError, match=r"g_y or g_t of 'scalar' is not the derivative of g at the start: .* row 1"):
         scalar(**{name: lambda t, y: np.array(value)}).point()
 
 

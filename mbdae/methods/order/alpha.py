@@ -17,7 +17,7 @@ class AlphaReport:
     """Result of the order and stability conditions of a generalized-alpha method.
 
     Attributes:
-        name: the method.
+        name: name of the method.
         claimed: the claimed order.
         order: the order of q, v and lam, 1 or 2.
         stable: whether it is unconditionally stable.

@@ -66,7 +66,7 @@ def assumptions(tableau: RungeKutta) -> Assumptions:
     def largest(holds: Callable[[int], bool], bound: int) -> int:
         return next((k for k in range(1, bound + 1) if not holds(k)), bound + 1) - 1
 
-    bound = 2 * len(b)  # n nodes integrate no polynomial of degree 2 n exactly
+    bound = 2 * len(b)  # n nodes do not integrate all polynomials of degree 2 n exactly
     C, Chat = (
         tuple(largest(quadrature(row, node), min(bound, tableau.order)) for row, node in zip(M, nodes, strict=True))
         for M, nodes in ((A, c), (Ahat, chat))

@@ -2,7 +2,7 @@
 
 A step of size h of the basic method is exp(h X_1 + h^3 X_3 + h^5 X_5 + ...) with vector fields X_k (Hairer, Lubich,
 Wanner, Geometric Numerical Integration, section IX.2). Steps gamma_i h give the product of the exponentials of
-sum_k gamma_i^k h^k X_k: a series over words in the letters 1, 3, 5, ..., the sum of which is the power of h. The
+sum_k gamma_i^k h^k X_k: a series over words in the letters 1, 3, 5, ..., whose sum is the power of h. The
 composition has order p if and only if, up to the power h^p, this series is that of exp(h X_1): 1/k! for the word 1...1
 of k letters, 0 for all others. For a symmetric composition, the conditions of even powers follow. Sums of odd powers of
 gamma_i are the conditions of words with one letter, which are insufficient above order 4.
@@ -27,7 +27,7 @@ class CompositionReport:
     """Result of the order conditions of a composition.
 
     Attributes:
-        name: the method.
+        name: name of the method.
         claimed: the claimed order.
         order: the order found, at most one above the claim.
         symmetric: whether the weights are a palindrome.

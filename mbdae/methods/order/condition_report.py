@@ -63,7 +63,7 @@ class ConditionReport:
     """Results of the order conditions of a tableau, and its claimed orders.
 
     Attributes:
-        name: the method.
+        name: name of the method.
         y: conditions of y for general f.
         y_linear: conditions of y that remain when f is linear in z.
         own: conditions of the z of the method.

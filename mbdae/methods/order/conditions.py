@@ -1,4 +1,4 @@
-"""Order conditions of half-explicit and Radau IIA methods, checked exactly on the trees of index-2 theory.
+"""Order conditions of half-explicit and implicit methods, checked on the trees of index-2 theory.
 
 With the elementary weights phi, psi of a tableau (`mbdae.methods.order.weights`) and the trees of DAT2
 
@@ -16,7 +16,7 @@ error along f_z is multiplied by R(infinity) in each step, like that of z, in wh
     R(infinity) = 1:    y min(p, q),      z min(m - 1, q - 2)
 
 where z of order 0 does not converge (Hairer, Wanner II, section VII.4 with table 4.1). Trees in which
-a vertex has two fat sons drop out when f is linear in z, as in mechanics. Sources: Hairer, Lubich and Roche 1989,
+a vertex has two fat sons do not occur when f is linear in z, as in mechanics. Sources: Hairer, Lubich and Roche 1989,
 chapter 5; A. Murua, Computing 59 (1997).
 """
 
@@ -106,7 +106,7 @@ def check_conditions(tableau: RungeKutta, max_order: int | None = None) -> Condi
 
 
 def with_proven_orders(tableau: Tableau) -> Tableau:
-    """Return a tableau without claims with the orders that the conditions prove, up to `MAX_PROVEN_ORDER`.
+    """Complete a tableau without claims by the orders that the conditions prove, up to `MAX_PROVEN_ORDER`.
 
     Raises:
         InputError: for a tableau of order 0.

@@ -25,8 +25,9 @@ class RootedTree:
 
     Args:
         fat: the root is fat, the tree belongs to DAT2_z.
-        sons_y: sub-trees with a meagre root.
-        sons_z: sub-trees with a fat root (below a meagre root only).
+        sons_y: subtrees with a meagre root.
+        sons_z: subtrees with a fat root (below a meagre root only).
+        name: the tree in brackets, as in the module.
 
     Attributes:
         order: rho, the number of meagre vertices minus that of fat ones.

@@ -1,7 +1,7 @@
 """Elementary weights of a tableau for a tree, in exact arithmetic.
 
 Vectors over the stages are integers over one common denominator; over Q(sqrt d) a vector consists of its rational
-parts, followed by its irrational parts. Each sub-tree is evaluated once.
+parts, followed by its irrational parts. Each subtree is evaluated once.
 """
 
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from functools import cache
 from math import gcd, lcm, prod
 from typing import NamedTuple
 
-from ..exact_numbers import Number, Surd, regular_inverse
+from ..exact_numbers import Number, Surd, exact_inverse
 from ..runge_kutta import RungeKutta
 from ..tableau import Row
 from .trees import RootedTree
@@ -45,7 +45,7 @@ class Weights:
         self.n = len(A)
         self.d = next((x.d for r in (*A, *Ahat, tableau.exact_b) for x in r if isinstance(x, Surd)), 0)
         first: Row = [Fraction(int(not j)) for j in range(self.n)]
-        self.W = regular_inverse([first, *Ahat[1:]] if tableau.explicit_first else Ahat)
+        self.W = exact_inverse([first, *Ahat[1:]] if tableau.explicit_first else Ahat)
         self._A, self._Ahat, self._W = (self._matrix(M) for M in (A, Ahat, self.W))
         self._ones = Vector([1] * self.n + [0] * (self.n if self.d else 0), 1)
         self._phi: dict[RootedTree, Vector] = {}

@@ -16,7 +16,7 @@ class DenseLU {
   void resize(int n);  // set the size, fill with zeros
   double* column(int j) { return &a_[static_cast<std::size_t>(j) * components * n_]; }
   int size() const { return n_; }
-  bool factorize();  // false where a pivot is zero or not finite
+  bool factorize();  // false if a pivot is zero or not finite
   void solve(double* b) const;
   void solve_transposed(double* b) const;
   bool positive_determinant() const;  // of a real matrix

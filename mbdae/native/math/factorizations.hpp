@@ -13,7 +13,7 @@ class BandLU {
   void resize(int n, int half_bandwidth);  // set the size, fill with zeros
   void zero();
   double& at(int i, int j) { return a_[i * width_ + j - i + half_bandwidth_]; }
-  bool factorize();  // false where a pivot is zero or not finite
+  bool factorize();  // false if a pivot is zero or not finite
   void solve(double* b) const;
   void solve_transposed(double* b) const;
   double pivot_ratio() const { return ratio_; }  // smallest to largest pivot

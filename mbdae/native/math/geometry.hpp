@@ -79,7 +79,7 @@ Vec3<S> column(const Rotation<S>& R, int k) {
 }
 
 template <class S>
-struct Velocity {  // spatial, at the world's origin
+struct Velocity {  // spatial, about the world's origin
   Vec3<S> linear, angular;
 
   template <class T>
@@ -89,7 +89,7 @@ struct Velocity {  // spatial, at the world's origin
 };
 
 template <class S>
-struct Wrench {  // at the world's origin
+struct Wrench {  // about the world's origin
   Vec3<S> force, moment;
 };
 

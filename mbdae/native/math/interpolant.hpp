@@ -15,7 +15,7 @@ struct Cubic {
 
   double value(double x) const { return c[3] + x * (c[2] + x * (c[1] + x * c[0])); }
 
-  // Whether it has a minimum in (0, 1), where the derivative is positive at 1.
+  // Whether it has a minimum in (0, 1), provided that its derivative is positive at 1.
   bool has_minimum() const {
     return c[2] < 0 || (c[1] < 0 && c[0] > 0 && c[1] * c[1] > 3 * c[0] * c[2] && -c[1] < 3 * c[0]);
   }
@@ -24,7 +24,7 @@ struct Cubic {
     return value(c[1] >= 0 ? -c[2] / (c[1] + root) : (root - c[1]) / (3 * c[0]));
   }
 
-  double steepest() const { return c[2] < 0 ? 0 : -c[1] / (3 * c[0]); }  // where it decreases fastest in [0, minimum]
+  double falling() const { return c[2] < 0 ? 0 : -c[1] / (3 * c[0]); }  // a point before the minimum where it falls
 
   // The first zero in (0, 1), of the cubic divided by x if it is zero at 0; 1 if there is none.
   double first_zero() const {
@@ -76,7 +76,7 @@ double newton_root(Function&& f, double x) {
   return x;
 }
 
-// The polynomial through points, with its derivatives at some of them, by divided differences.
+// The polynomial through points, with given derivatives at some of them, by divided differences.
 class Interpolant {
  public:
   Interpolant() = default;

@@ -8,13 +8,13 @@
 
 namespace mbdae {
 
-// Sparse symmetric matrix S = B^T B by rows: (column, entry) in order, of the whole matrix.
+// Sparse symmetric matrix S = B^T B by rows: (column, entry) in order, of both triangles.
 using SparseRow = std::vector<std::pair<int, double>>;
 
 // The order of up to `count` pivots and their decreasing magnitudes, as |diag R| of `pivoted_qr` of B; pivots at or
 // below `smallest` times the largest entry are omitted. Cholesky elimination, accurate to the square root of rounding,
-// with diagonal pivoting among the first `window` remaining rows of a sequence: pivoting among all rows would fill S
-// in. S is overwritten.
+// with diagonal pivoting among the first `window` remaining rows of a sequence: pivoting among all rows would cause
+// fill-in. S is overwritten.
 void sparse_pivots(std::vector<SparseRow>& S, const std::vector<int>& sequence, int window, int count, double smallest,
                    std::vector<int>& order, Vector& pivots);
 

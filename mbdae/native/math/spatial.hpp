@@ -1,4 +1,4 @@
-// Motions and wrenches at the world's origin, linear part first; matrices (3, 3) and (6, 6) by rows.
+// Motions and wrenches about the world's origin, linear part first; matrices (3, 3) and (6, 6) by rows.
 #pragma once
 
 #include <array>
@@ -30,7 +30,7 @@ inline void wrench_cross(const double* d, const double* F, double* __restrict ou
   cross(d + 3, F, out), cross(d + 3, F + 3, out + 3), add_cross(d, F, out + 3);
 }
 
-inline void skew(const double* w, double* out) {  // the matrix of w x .
+inline void skew(const double* w, double* out) {  // the cross-product matrix of w
   out[0] = out[4] = out[8] = 0;
   out[1] = -w[2], out[2] = w[1], out[3] = w[2], out[5] = -w[0], out[6] = -w[1], out[7] = w[0];
 }

@@ -18,14 +18,14 @@ struct Tolerances {
   std::vector<double> series;  // B_2k/(2k)!, k = 1, 2, ...
   // closures/independent_rows.py: pivot ratios, and numbers of rows and iterations
   double smallest_pivot, worst_conditioning, growth_tolerance, reselection_ratio, probe_tolerance;
-  double cg_tolerance;  // of the squared residual of conjugate gradients
+  double cg_tolerance;  // relative to the initial squared residual of conjugate gradients
   int many_rows, extra_cg_iterations;
   // formulations/steps/projection.py
   double projection_max_remaining, projection_open, projection_stalled;
   int projection_iterations;
   // formulations/ggl.py, closure_friction.py, friction_interface.py
   int ggl_iterations, friction_iterations;
-  // largest rotation of a slip in a step; smallest clear slip speed
+  // cosine of the largest rotation of a slip direction in a step; clear slip speed, as a multiple of the smallest one
   double slip_cosine, clear_slip;
   int stage_iterations;                                         // of stages that tangents and adjoints recompute
   std::vector<double> row_scales, q_scales, coordinate_scales;  // units of g (ng,), q (nq,) and v (nv,)

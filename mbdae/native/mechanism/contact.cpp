@@ -40,7 +40,7 @@ Contact<S> contact_of(const Shape& shape, const Frames<S>& x) {
     const Vec3<S> axle = x.Rb * Vec3<double>(shape.axle);
     out.longitudinal = cross(axle, n);
     if (!(value(normalize(out.longitudinal)) > shape.parallel)) throw FallBackToPython();
-    // longitudinal x axle is the unit vector along n - (n . s) s
+    // longitudinal x axle is the unit vector along n - (n . axle) axle
     if (shape.rim > 0) out.p = out.p - shape.rim * cross(out.longitudinal, axle);
   } else if (shape.surface == Shape::Surface::plane) {
     out.longitudinal = column(x.Ra, 0);

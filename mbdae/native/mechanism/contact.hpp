@@ -15,13 +15,13 @@ struct Shape {
   Body body = Body::sphere;
   Surface surface = Surface::plane;
   double rim = 0, tyre = 0, curve = 0;  // radii of rim, cross-section, surface (< 0: the body rolls inside)
-  double axle[3] = {0, 0, 0}, squares[3] = {0, 0, 0}, centre[3] = {0, 0, 0};  // squares: of semi-axes
-  double parallel = 0;  // threshold of the sine between normal and axle
+  double axle[3] = {0, 0, 0}, squares[3] = {0, 0, 0}, centre[3] = {0, 0, 0};  // squares: squared semi-axes
+  double parallel = 0;  // threshold of the sine of the angle between normal and axle
 
   FIELDS(body, surface, rim, tyre, curve, axle, squares, centre, parallel)
 };
 
-// The normal towards b, the contact point of b, the longitudinal and the lateral tangent.
+// The normal towards b, the contact point on b, the longitudinal and the lateral tangent.
 template <class S>
 struct Contact {
   Vec3<S> n, p, longitudinal, lateral;

@@ -22,8 +22,8 @@ struct FramePose {
 
 class FlexibleBody {
  public:
-  // base: the degrees of freedom that move the frame, outward; first_pose, first_column: first pose and column of J of
-  // the nodes.
+  // base: the degrees of freedom that move the frame, from the root outward; first_pose, first_column: first pose and
+  // column of J of the nodes.
   FlexibleBody(ModalBody data, std::vector<int> base, int first_pose, int first_column);
 
   const ModalBody data;
@@ -58,7 +58,7 @@ class FlexibleBody {
                  double* out) const;
   // Rotate a vector from the axes of the frame to those of the world.
   void rotate_to_world(const double* joint_rotation, const double* x, double* out) const;
-  // Gravity potential due to the deformation, in J; requires `deform`.
+  // Gravitational potential energy due to the deformation, in J; requires `deform`.
   double potential(const double* joint_rotation, const double* gravity) const;
   // Add the partials of these forces with respect to q in the tangent and to v, to dtau_dq and dtau_dv (nv, nv) by
   // rows; expanded_joints (nv,): joint of each degree of freedom in the expanded tree; base_acceleration: -gravity, or

@@ -54,9 +54,9 @@ Line<S> roller_line(const Row& r, const Frames<S>& x) {
   const double xy[2] = {value(local.x[0]), value(local.x[1])};
   const Profile::Point nearest = r.profile->nearest(xy);
   const Vec2<S> offset{{local.x[0] - nearest.c[0], local.x[1] - nearest.c[1]}};
-  const double curvature = nearest.d[0] * nearest.d[0] + nearest.d[1] * nearest.d[1] -
-                           (nearest.dd[0] * value(offset.x[0]) + nearest.dd[1] * value(offset.x[1]));
-  const ProfilePoint<S> c(nearest, dot(nearest.d, offset) / curvature);
+  const double derivative = nearest.d[0] * nearest.d[0] + nearest.d[1] * nearest.d[1] -
+                            (nearest.dd[0] * value(offset.x[0]) + nearest.dd[1] * value(offset.x[1]));
+  const ProfilePoint<S> c(nearest, dot(nearest.d, offset) / derivative);
   const S size = sqrt(c.d.x[0] * c.d.x[0] + c.d.x[1] * c.d.x[1]), side = r.profile->side / size;
   const Vec2<S> n{{side * c.d.x[1], -side * c.d.x[0]}};
   const S g = n.x[0] * (local.x[0] - c.c.x[0]) + n.x[1] * (local.x[1] - c.c.x[1]) - r.length;

@@ -18,7 +18,7 @@ class MultibodyTree {
   ~MultibodyTree();
 
   bool planar() const;  // whether all bodies move in parallel planes, and `planar_sweep` computes them
-  // the same joints, numbers of modes and of nodes
+  // whether flexible bodies have the same joints and numbers of modes and nodes as those of this tree
   bool has_same_structure(const std::vector<ModalBody>& flexible) const;
   // Use another model with the same joints; results of the previous one are discarded.
   void write(const void* model, const Tolerances& tolerances, std::vector<ModalBody> flexible);
@@ -80,10 +80,10 @@ class MultibodyTree {
   void dense_M(double* out) const;          // (nv, nv)
   double kinetic_energy(const double* v) const;                     // in J, of the current M
   void add_inertial_force(const double* a, double* out) const;      // out += M a
-  const double* J() const;                  // at the world's origin by columns, (6, nv), then the columns of nodes
+  const double* J() const;                  // about the world's origin by columns, (6, nv), then the columns of nodes
   const double* rotation(int joint) const;  // by columns
   const double* position(int joint) const;
-  void velocity(int joint, double* out) const;  // spatial, at the world's origin, linear part first
+  void velocity(int joint, double* out) const;  // spatial, about the world's origin, linear part first
   void acceleration(int joint, double* out) const;
   long motion_stamp() const { return motion_stamp_; }  // changes when velocities or accelerations may change
   long pose_stamp() const { return pose_stamp_; }      // changes when poses may change

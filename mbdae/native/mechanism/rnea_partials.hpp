@@ -56,7 +56,7 @@ class RneaPartials {
   std::vector<std::vector<int>> ancestor_dofs_;  // degrees of freedom of all ancestors of each joint
   std::vector<InertiaTerms> bodies_, subtrees_;
   std::vector<bool> has_mass_;
-  Six base_{};              // initial value of A: gravity
+  Six base_{};              // initial value of A: minus gravity
   std::vector<Six> V_, A_;  // of each joint; A for v' = 0
   std::vector<Six> Aa_, f_;  // contributions of a to A, and to the wrench of the subtree
   std::vector<Column> columns_;

@@ -244,7 +244,7 @@ double Row::coordinate_entries(const double* q, double* out) const {
 double Row::coordinate_bias(const double* q, const double* v) const {
   if (python) return python->bias(q, v);
   const size_t k = kind == ratio ? 2 : 1;
-  return kind == sum || joints.size() <= k ? 0 : -curvature(q) * v[joints[1].iv] * v[joints[k].iv];
+  return kind == sum || joints.size() <= k ? 0 : -bias_coefficient(q) * v[joints[1].iv] * v[joints[k].iv];
 }
 
 double Row::reduced_coordinate(const double* q, double* increase) const {
@@ -253,7 +253,7 @@ double Row::reduced_coordinate(const double* q, double* increase) const {
   return x - periods * fold[1];
 }
 
-double Row::curvature(const double* q) const {
+double Row::bias_coefficient(const double* q) const {
   if (kind == curved) {
     double increase;
     return law.at(reduced_coordinate(q, &increase), 2);
@@ -280,9 +280,9 @@ void Row::coordinate_partials(const double* q, const double* v, double lam, doub
   const size_t last = kind == ratio ? 2 : 1;
   if (kind == sum || joints.size() <= last) return;
   const int j = joints[1].iv, k = joints[last].iv;
-  const double second = curvature(q);
-  if (K) K[j * width + k] -= lam * second;
-  if (B) B[k] -= second * v[j];
+  const double coefficient = bias_coefficient(q);
+  if (K) K[j * width + k] -= lam * coefficient;
+  if (B) B[k] -= coefficient * v[j];
 }
 
 }  // namespace mbdae

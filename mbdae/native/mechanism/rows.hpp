@@ -94,7 +94,7 @@ struct Row {
   double direction[2] = {0, 0};            // of a no-slip row, longitudinal and lateral
   std::vector<RowJoint> joints;               // of a row between joints
   std::vector<double> c;                      // coefficients of its polynomial, or its factors
-  TimeFunction law;                           // of a motion-law row
+  TimeFunction law;                           // of a curved row
   std::shared_ptr<const RowFunction> python;  // of a function
   // start, length and increase of a period of the law; length 0: not periodic
   double fold[3] = {0, 0, 0};
@@ -118,7 +118,7 @@ struct Row {
   double wrench_along_line(const Pair& pair, double* w) const;
   double coordinate_value(const double* q, double* first) const;       // g, and dg/dx_j
   double reduced_coordinate(const double* q, double* increase) const;  // x_j reduced to the period of the law
-  double curvature(const double* q) const;             // p''(x_j), or r'(x_k)
+  double bias_coefficient(const double* q) const;      // p''(x_j), or r'(x_k)
 };
 
 struct RowKind {

@@ -46,8 +46,8 @@ class Sweep {
   // Read the data of the model, which may have changed; false: another sweep is required.
   virtual bool refresh() { return true; }
   virtual bool planar() const { return false; }
-  // Poses (joints and nodes, 12), R by columns and p, the world first, and J (6, nv and nodes) by columns at the
-  // world's origin.
+  // Poses (joints and nodes, 12), R by columns and p, the world first, and J (6, nv and nodes) by columns about
+  // the world's origin.
   virtual void poses(const double* q, double* poses, double* J) = 0;
   // Also the entries of M, see `InertiaPattern`.
   virtual void inertia(const double* q, double* poses, double* J, double* M) = 0;
@@ -57,7 +57,7 @@ class Sweep {
   virtual void inverse(const double* q, const double* v, const double* a, double* poses, double* J, double* out) = 0;
   // Velocities and accelerations for v' = a.
   virtual void motions(const double* q, const double* v, const double* a, double* poses, double* J) = 0;
-  virtual void velocity(int joint, double* out) const = 0;  // spatial, at the world's origin
+  virtual void velocity(int joint, double* out) const = 0;  // spatial, about the world's origin
   virtual void acceleration(int joint, double* out) const = 0;
 
   // out += contribution of some flexible bodies to M a + nle under this gravity (3,).

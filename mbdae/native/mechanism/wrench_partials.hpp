@@ -16,7 +16,7 @@ struct WrenchPartials {
   void add(double factor, const WrenchPartials& other);  // without damping
   void damp();                                           // set C = 0, before terms are added
   // Set Da of a wrench that depends only on the frames and V = V_b - V_a: a common motion d of both frames changes it
-  // by d x* F, so that Da + Db - C (V x .) = F*.
+  // by d x* F, so that (Da + Db) d = d x* F + C (V x d).
   void complete(const double* V = nullptr);
 
   double F[6], Da[36], Db[36], C[36];

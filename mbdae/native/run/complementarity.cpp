@@ -34,7 +34,7 @@ class Problem {
     }
   }
 
-  bool is_regular() const {
+  bool has_positive_diagonal() const {
     return std::all_of(scale_of_.begin(), scale_of_.end(), [](double x) { return x > 0 && std::isfinite(x); });
   }
 
@@ -179,7 +179,7 @@ bool solve_complementarity(const Vector& W, const Vector& c, const Vector& noise
   x.clear(), w.clear();
   if (multipliers.empty()) return true;
   Problem problem(W, c, noise, multipliers, tolerances);
-  return problem.is_regular() && problem.total_states() <= max_states && problem.solve(x, w);
+  return problem.has_positive_diagonal() && problem.total_states() <= max_states && problem.solve(x, w);
 }
 
 }  // namespace mbdae

@@ -20,7 +20,7 @@ struct Multiplier {
 };
 
 // Solve for multipliers x (k,) and rates w = W x + c (k,), which are zero between bounds and directed away from a bound
-// at it. Enumerates the states of all multipliers; false if they are more than max_states, or if there is no solution
+// at it. Enumerates the states of all multipliers; false if there are more than max_states, or if there is no solution
 // or more than one, where c has the rounding error noise (k,). If all multipliers have two bounds and no friction, only
 // the rates must be unique.
 bool solve_complementarity(const Vector& W, const Vector& c, const Vector& noise,

@@ -24,7 +24,7 @@ bool take_all_steps(Method& method, Index2System& s, long max_taken, const volat
 }
 
 // Whether the run ends away from singular configurations, and all other rows are still dependent on those in use.
-bool ends_regularly(Index2System& s, const Run& run) {
+bool ends_away_from_singularity(Index2System& s, const Run& run) {
   const double* y = run.state.y.data();
   const Tolerances& tolerances = s.tree.tolerances;
   const SingularityMonitor& monitor = run.monitor;
@@ -91,7 +91,7 @@ void solve_runs(Method& method, Index2System& s, const RunStart& start, const Fi
       finished = take_all_steps(method, s, start.longest, stop, run);
       counts = s.counts;
       if (stop) return;
-      finished = finished && ends_regularly(s, run);
+      finished = finished && ends_away_from_singularity(s, run);
     } catch (const FallBackToPython&) {
     }
     out.finished.push_back(finished);

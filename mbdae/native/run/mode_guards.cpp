@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "math/field_reader.hpp"
 #include "math/vec3.hpp"
 #include "run/row_space.hpp"
 

@@ -22,7 +22,7 @@ struct Guard {
   double reference = 0;  // last tooth of a ratchet, in pitches
   double size = 0;           // largest magnitude so far
   double level = 0;          // value at which the mode ends
-  double return_time = NAN;  // s: predicted contact closure after an impact; nan: none
+  double return_time = NAN;  // s: after the contact closure predicted for an impact; nan: none
   double unit = 0;           // typical magnitude
 
   bool monitors_multiplier() const { return kind == separation || kind == slip; }
@@ -33,8 +33,9 @@ struct Guard {
 struct Transition {
   long node = -1;                 // the first node after it
   std::vector<int> fired;         // switches whose guards are zero
-  bool impact = false;            // of these contacts, and of rows that become active:
-  std::vector<int> contacts, engaged;
+  bool impact = false;            // whether there is an impact
+  std::vector<int> contacts;      // switches with an impulse
+  std::vector<int> engaged;       // rows that become active in the impact
   double work = 0;                // J: change of kinetic energy
   Vector impulses;                // (ng,) of all rows
   Mode mode;                      // the next mode
@@ -59,14 +60,14 @@ struct Modes {
   double spacings = 0, step_tolerance = 0;  // location tolerance: spacings of t, and relative to the step
   int iterations = 0;            // of Newton's method
   int root_iterations = 0, max_halvings = 0;  // of Brent's method; largest number of halvings of a bracket
-  // of monitored multipliers: largest deviation from a cubic and its scale, distance of extrema from the limit, and
-  // extrapolation beyond five samples
+  // of monitored multipliers: largest deviation from a cubic, relative to the distance from the limit; smallest such
+  // distance; distance of extrema from the limit; extrapolation beyond five samples
   double rough = 0, near_limit = 0, close_extremum = 0, outside = 0;
   int finest = 0;                 // largest number of intervals between samples in a step of fixed size
   double safety = 0, shrink = 0;  // factor of the step that resolves the multipliers; smallest ratio of step sizes
   double shortest = 0;            // s: step that resolves all multipliers
   double coincident = 0;          // relative to a pitch, or to the friction limit
-  double transverse = 0;          // relative to the speed of rest: a slower contact does not slide
+  double transverse = 0;          // relative to the largest speed at rest: a slower contact does not slide
   double at_limit = 0;            // relative to the friction limit: a contact with friction closer to it slides
   double lookahead = 0;           // rad or characteristic lengths: added to a coordinate at the boundary of a range
   double ambiguous = 0, fallen = 0;     // pivot ratios in a new mode, see IndependentRows::InitialRank

@@ -106,10 +106,10 @@ bool TimeLoop::is_near_singular(const NextMode& next, double largest) {
   double earlier_ratio = INFINITY;
   Vector earlier(s_.length);
   for (double h = run_.control.h; std::fabs(earlier_ratio - ratio) > monitor.max_change * ratio;) {
-    Vector move(next.F);
+    Vector displacement(next.F);
     h /= 2;
-    for (double& x : move) x *= -h;
-    s_.add(y, move.data(), earlier.data());
+    for (double& x : displacement) x *= -h;
+    s_.add(y, displacement.data(), earlier.data());
     earlier_ratio = s_.pivot_ratio(earlier.data(), s_.rows.rank);
   }
   return ratio < earlier_ratio;

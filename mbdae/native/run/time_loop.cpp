@@ -76,35 +76,35 @@ bool TimeLoop::shorten(double h) {
   return true;
 }
 
-double TimeLoop::move_norm(const Vector& move) const {
-  if (run_.adaptive) return error_norm(move.data(), 1, 0);
+double TimeLoop::move_norm(const Vector& x) const {
+  if (run_.adaptive) return error_norm(x.data(), 1, 0);
   Vector magnitude(size1_);
   add_characteristic_magnitudes(s_, next_.y.data(), magnitude.data());
-  return largest_move(move, magnitude, s_.controlled_components(), run_.tolerated_move, run_.tiny);
+  return largest_move(x, magnitude, s_.controlled_components(), run_.tolerated_move, run_.tiny);
 }
 
 bool TimeLoop::undoes_step(double h, double projection_norm) {
-  partial_move_.assign(s_.ny, 0.0);
-  for (int i = 0; i < s_.nv; ++i) partial_move_[i] = h * move_[s_.nv + i];
-  double undone = move_norm(partial_move_);
-  if (projection_norm > 1) {  // only then may the move of the coordinates alone exceed 1
-    std::copy_n(move_.begin(), s_.nv, partial_move_.begin());
-    undone = std::max(undone, move_norm(partial_move_));
+  partial_displacement_.assign(s_.ny, 0.0);
+  for (int i = 0; i < s_.nv; ++i) partial_displacement_[i] = h * displacement_[s_.nv + i];
+  double undone = move_norm(partial_displacement_);
+  if (projection_norm > 1) {  // only then may the displacement of the coordinates alone exceed 1
+    std::copy_n(displacement_.begin(), s_.nv, partial_displacement_.begin());
+    undone = std::max(undone, move_norm(partial_displacement_));
   }
   if (!(undone > 1)) return false;
-  s_.difference(run_.state.y.data(), unprojected_.data(), partial_move_.data());
-  std::fill(partial_move_.begin() + s_.nv, partial_move_.end(), 0.0);
-  return undone > run_.max_undone * move_norm(partial_move_);
+  s_.difference(run_.state.y.data(), unprojected_.data(), partial_displacement_.data());
+  std::fill(partial_displacement_.begin() + s_.nv, partial_displacement_.end(), 0.0);
+  return undone > run_.max_undone * move_norm(partial_displacement_);
 }
 
 void TimeLoop::project(double t) {
-  unprojected_ = next_.y, move_.resize(s_.ny);
+  unprojected_ = next_.y, displacement_.resize(s_.ny);
   restarted_ = false;
   project_state(s_, t, next_.y.data());
   next_.low.clear();
   s_.component_magnitudes(next_.y.data(), size1_.data());  // needed if `advance` is interrupted
-  s_.difference(unprojected_.data(), next_.y.data(), move_.data());
-  const double projection_norm = move_norm(move_);
+  s_.difference(unprojected_.data(), next_.y.data(), displacement_.data());
+  const double projection_norm = move_norm(displacement_);
   if (undoes_step(t - run_.interval.t, projection_norm)) throw FallBackToPython();
   if (!method_.carries || projection_norm <= 1) return;
   Vector F(s_.ny), z(s_.ng);  // the carry restarts

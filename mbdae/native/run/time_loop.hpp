@@ -24,7 +24,7 @@ struct SingularityMonitor {
   double notch_ratio = 0;      // relative to the larger ratio of neighbouring steps
   double small_ratio = 0;      // relative to the largest: a smaller minimum may contain a zero
   double adjacent_ratio = 0;   // relative to the largest: no fixed step begins at a smaller ratio
-  double max_change = 0;       // relative change of the ratio at the start of an interval, over a linear backward step
+  double max_change = 0;       // relative change of the ratio at the start of an interval, in a linear step backward
   double steps_ahead = 0;      // Python takes over if a decreasing ratio would vanish within these steps
   bool near_singular = false;  // the ratio is already small
   bool suspicious = false;     // there may be a singular configuration around a recorded step
@@ -146,7 +146,7 @@ class TimeLoop {
   bool accept(double h);                       // whether the step is accepted
   bool shorten(double h);                      // after a step that was too long; false: the shorter size is too small
   void project(double t);                      // project the end of the step
-  double move_norm(const Vector& move) const;  // norm of the move by a projection, relative to tolerances
+  double move_norm(const Vector& x) const;     // norm of a displacement by a projection, relative to tolerances
   bool undoes_step(double h, double projection_norm);  // whether the projection has undone the step
   class PartialSteps;
   void detect_events(Proposal& p);  // on the last step, which is truncated if an event ends the run
@@ -168,7 +168,7 @@ class TimeLoop {
   Index2System& s_;
   Run& run_;
   State next_;
-  Vector unprojected_, move_, partial_move_;  // (length,) next_.y before its projection; (ny,) twice
+  Vector unprojected_, displacement_, partial_displacement_;  // (length,) next_.y before its projection; (ny,) twice
   bool restarted_ = false;                    // the carry of next_ was restarted
   DetectedEvents detected_;          // on the accepted step
   GuardMonitor guards_;

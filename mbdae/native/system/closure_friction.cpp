@@ -169,7 +169,7 @@ void ClosureFriction::solve_forces(const Vector& lam, const Vector& responses) {
   const size_t ng = lam.size();
   std::fill(T_.begin(), T_.end(), 0.0);
   double last = INFINITY;
-  Vector multipliers, move(k);
+  Vector multipliers, correction(k);
   DenseLU<1> partials;
   for (int it = 0; it < tolerances.friction_iterations; ++it) {
     multipliers = lam;
@@ -180,16 +180,16 @@ void ClosureFriction::solve_forces(const Vector& lam, const Vector& responses) {
     for (int i = 0; i < k; ++i) {
       const FrictionInterface& interface = interfaces_[i];
       double gradient[6];
-      move[i] = factor_[i] * force_magnitude(interface, multipliers.data(), gradient) - T_[i];
+      correction[i] = factor_[i] * force_magnitude(interface, multipliers.data(), gradient) - T_[i];
       for (int j = 0; j < k; ++j)
         partials.column(j)[i] =
             (i == j) - factor_[i] * dot(gradient, &responses[j * ng + interface.row], interface.components);
       is_jammed = is_jammed || !(partials.column(i)[i] > 0);
     }
     if (is_jammed || !partials.factorize() || !partials.positive_determinant()) throw FallBackToPython();
-    partials.solve(move.data());
-    for (int i = 0; i < k; ++i) T_[i] += move[i];
-    const double change = largest(move.data(), k), size = largest(T_.data(), k);
+    partials.solve(correction.data());
+    for (int i = 0; i < k; ++i) T_[i] += correction[i];
+    const double change = largest(correction.data(), k), size = largest(T_.data(), k);
     if (change <= tolerances.rounding * size || (change >= 0.5 * last && change <= tolerances.solution_rounding * size))
       return;
     last = change;

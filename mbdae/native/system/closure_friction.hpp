@@ -35,7 +35,7 @@ class ClosureFriction {
   explicit operator bool() const {  // whether any interface slides
     return std::any_of(active_, active_ + interfaces_.size(), [](std::uint8_t x) { return x != 0; });
   }
-  double smallest_slip;  // m/s: smaller slips have no direction
+  double smallest_slip;  // m/s: slips at lower speeds have no direction
   size_t size() const { return interfaces_.size(); }
   void set_active(int k, bool on) { active_[k] = on; }
   double& direction(int k) { return directions_[2 * k]; }  // sign of the slip along the first no-slip row
@@ -44,8 +44,9 @@ class ClosureFriction {
   // Reset slip directions at the start of a step to those of clear slips, at current poses: rejected steps may have
   // changed them.
   void begin_step(const double* v);
-  // Update e, e . v and the factors -mu r d at the current kinematics. Within a step, directions are kept when a slip
-  // crosses zero, because the mode ends there; at other points they are those of clear slips.
+  // Update e, e . v and the factors at the current kinematics: -coefficient, times tanh(e . v / width) if the friction
+  // is regularized. Within a step, directions are kept when a slip crosses zero, because the mode ends there; at other
+  // points they are those of clear slips.
   void update_slips(const double* v, bool within_step = true);
   // Solve with current slips, G (ng, nv) by rows, and factorized S of the saddle-point system: replace rhs (ng,) by lam
   // and f (nv,) by v'; return the power of friction.

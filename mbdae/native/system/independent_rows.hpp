@@ -65,7 +65,7 @@ class IndependentRows {
   // The smallest of the first `rank` pivots of all rows; of many rows by sparse elimination.
   SmallestPivot smallest_pivot(const Vector& Z, int rank);
 
-  class Freeze;  // fixes the rows in use for its lifetime; solves are not part of the run
+  class Freeze;  // fixes the rows in use for its lifetime, and does not record pivot ratios
 
  private:
   void set(std::vector<int> rows);

@@ -116,8 +116,8 @@ class Index2System {
   // (ns, width), width = 2 nv + ns; requires current kinematics at q. Valid until the next call.
   const double* law_partials(double t, const double* q, const double* v, const double* s,
                              std::vector<LawWrench>* wrenches = nullptr);
-  // The partial time derivative (n,) of the equations of K, at a point with lam (ng,); requires current kinematics at
-  // q.
+  // The partial time derivative (n,) of f, s' and power, the rows of K, at a point with lam (ng,); requires current
+  // kinematics at q.
   void time_partials(double t, const double* q, const double* u, const double* lam, double* out);
   // If requested: add d(G^T lam)/dq with lam (ng,) to K (nv, nv); write d(G v)/dq to B (r, nv) by rows, and the
   // partials of rows in use to wrench_partials (ng,). Requires current J and poses at q. other_rows: instead of the

@@ -74,10 +74,11 @@ int IndependentRows::dense_rank(const Vector& entries, const InitialRank& first)
   }
   std::vector<int> order;
   pivoted_qr(nv_, n_units, units, order, pivots_of_G);
-  const int geometric = std::max(r, count_above(pivots_of_G, tolerances_.pivot_rank));
+  const int geometric_rank = std::max(r, count_above(pivots_of_G, tolerances_.pivot_rank));
   pivoted_qr(nv_, ng, G, order, pivots_of_G);
-  const double ratio = std::max(pivots_of_G[geometric - 1] / pivots_of_G[0], pivots_[geometric - 1] / pivots_[0]);
-  return ratio < first.ambiguous ? -1 : geometric;
+  const double ratio =
+      std::max(pivots_of_G[geometric_rank - 1] / pivots_of_G[0], pivots_[geometric_rank - 1] / pivots_[0]);
+  return ratio < first.ambiguous ? -1 : geometric_rank;
 }
 
 bool IndependentRows::remaining_rows_dependent(const Vector& B, double tolerance, const Vector& probe) const {

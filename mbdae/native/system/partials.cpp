@@ -17,7 +17,7 @@ void Index2System::partials(double t, const double* q, const double* u, const do
   out.G.assign(r * m, 0.0);
   constraints.dense_value(tree, q, rows.in_use(), all_G_);
   out.friction.clear();
-  if (friction) {  // without its d/d(q, v), which only slows the convergence of Newton's method
+  if (friction) {  // its d/d(q, v) are omitted, which only slows the convergence of Newton's method
     constraints.dense_value(tree, q, rows.remaining(), all_G_);
     friction.update_slips(u), friction.partials(all_G_.data(), lam, out.friction);
   }

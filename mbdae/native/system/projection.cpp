@@ -51,10 +51,10 @@ void add_characteristic_magnitudes(const Index2System& s, const double* y, doubl
   for (int i = 0; i < s.nv; ++i) magnitudes[i] += scales[i], magnitudes[s.nv + i] += scales[i] * speed;
 }
 
-double largest_move(const Vector& move, const Vector& magnitudes, int n, double ratio, double tiny) {
+double largest_move(const Vector& displacement, const Vector& magnitudes, int n, double ratio, double tiny) {
   double largest_ratio = 0;
   for (int k = 0; k < n; ++k)
-    largest_ratio = std::max(largest_ratio, std::fabs(move[k]) / (ratio * magnitudes[k] + tiny));
+    largest_ratio = std::max(largest_ratio, std::fabs(displacement[k]) / (ratio * magnitudes[k] + tiny));
   return largest_ratio;
 }
 
@@ -113,14 +113,14 @@ void project_positions(Index2System& s, double t, double* q, std::vector<Vector>
   auto& [g, gap, next_g, rate, x, trial_q] = s.projection;
   g = point.g, next_g.resize(s.ng), x.resize(s.nv), trial_q.resize(s.nq);
   s.constraints.complete_g(t, g.data());
-  double move = 0;
+  double displacement = 0;
   bool has_moved = false;
   for (int i = 0; i < tolerances.projection_iterations; ++i) {
     if (norm_of(g.data(), tolerances.row_scales) <=
         tolerances.sum_rounding * (1 + largest_scaled(q, tolerances.q_scales)))
       break;
     const bool used_rows_in_use = correction.compute(g, true, x.data());
-    move = largest_scaled(x.data(), tolerances.coordinate_scales);
+    displacement = largest_scaled(x.data(), tolerances.coordinate_scales);
     for (double& c : x) c = -c;
     s.manifold.integrate(q, x.data(), trial_q.data());
     s.tree.poses(trial_q.data());
@@ -143,7 +143,7 @@ void project_positions(Index2System& s, double t, double* q, std::vector<Vector>
   }
   if (has_moved) point.mark_rows_current(q);
   if (!(norm_of(g.data(), tolerances.row_scales) <= tolerances.projection_open) &&
-      !(move <= tolerances.projection_stalled * (1 + largest_scaled(q, tolerances.q_scales))))
+      !(displacement <= tolerances.projection_stalled * (1 + largest_scaled(q, tolerances.q_scales))))
     throw FallBackToPython();
 }
 

@@ -15,8 +15,8 @@ bool violates_velocity_constraints(const Index2System& system, double t, const d
 // Add characteristic lengths and the largest speed to the component magnitudes of y, (ny,).
 void add_characteristic_magnitudes(const Index2System& system, const double* y, double* magnitudes);
 
-// The largest of the first n components of a move, relative to `ratio` times the magnitudes.
-double largest_move(const Vector& move, const Vector& magnitudes, int n, double ratio, double tiny);
+// The largest of the first n components of a displacement, relative to `ratio` times the magnitudes.
+double largest_move(const Vector& displacement, const Vector& magnitudes, int n, double ratio, double tiny);
 
 // Project y onto g = 0 and G v + g_t = 0; path: all iterates of q except the last.
 void project_state(Index2System& system, double t, double* y, std::vector<Vector>* path = nullptr);

@@ -69,8 +69,8 @@ void SaddleSystem::factorize(const Vector& Zhat) {
   symmetric_stamp_ = -1;
   if (rows_.in_use().empty()) return;
   assemble(Zhat);
-  const bool regular = lu_.factorize();
-  if (!regular || !(lu_.pivot_ratio() > tolerances_.smallest_pivot)) throw FallBackToPython();
+  const bool nonsingular = lu_.factorize();
+  if (!nonsingular || !(lu_.pivot_ratio() > tolerances_.smallest_pivot)) throw FallBackToPython();
 }
 
 bool SaddleSystem::factorize_symmetric(double smallest_ratio) {

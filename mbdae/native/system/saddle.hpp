@@ -15,7 +15,7 @@ class SaddleSystem {
                const Tolerances& tolerances, Counts& counts, int nv);
 
   void factorize(const Vector& Zhat);  // factorize S
-  // After `factorize`: replace rhs (ng,) by row by lam, and f (nv,) by v'.
+  // After `factorize`: replace rhs (ng,), an entry for each row, by lam, and f (nv,) by v'.
   void solve(const Vector& Zhat, double* rhs, double* f);
   // Solve without counting, for further right-hand sides; use_selection_factors: with the factors of the row selection
   // instead of those of `factorize`.

@@ -1,4 +1,4 @@
-// Sampling instants, PID controllers, and the inputs that follow a controller.
+// Sampling instants, PID controllers, and the inputs that controllers set.
 #include "system/sampled_controller.hpp"
 
 #include <algorithm>
@@ -24,8 +24,8 @@ void SampledController::sample(double t, const double* y, int nq, int nv, double
   const double* s = y + nq + nv + state;
   if (kind == python) return call(t, y, y + nq, y + nq + nv, after);
   const double error = reference.at(t) - y[x];
-  const double damping = a[2] != 0 ? a[2] * (reference.at(t, 1) - y[v]) : 0.0;
-  after[0] = a[0] * error + damping + (states > 1 ? a[1] * s[1] : 0.0);
+  const double derivative = a[2] != 0 ? a[2] * (reference.at(t, 1) - y[v]) : 0.0;
+  after[0] = a[0] * error + derivative + (states > 1 ? a[1] * s[1] : 0.0);
   if (states > 1) after[1] = s[1] + error * (1 / rate);
 }
 

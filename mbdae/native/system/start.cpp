@@ -67,7 +67,7 @@ void start(Index2System& s, double t, bool project, const IndependentRows::Initi
 
 double first_step(Index2System& s, double t, const Vector& y, const Vector& F, const FirstStep& settings) {
   const int n = s.controlled_components();
-  Vector scale(s.ny), size(s.ny), move(F), next(s.length), change(s.ny), z(s.ng);
+  Vector scale(s.ny), size(s.ny), displacement(F), next(s.length), change(s.ny), z(s.ng);
   s.component_magnitudes(y.data(), size.data());
   for (int i = 0; i < n; ++i)
     scale[i] = settings.atol[settings.atol.size() == 1 ? 0 : i] + settings.rtol * size[i] + settings.tiny;
@@ -82,8 +82,8 @@ double first_step(Index2System& s, double t, const Vector& y, const Vector& F, c
       std::min(d0, d1) < settings.small_norm ? settings.default_step : settings.change * d0 / d1;
   const double h0 = std::min(initial_step, settings.left);
   if (!(h0 > 0)) return 0;
-  for (double& x : move) x *= settings.sign * h0;
-  s.add(y.data(), move.data(), next.data());
+  for (double& x : displacement) x *= settings.sign * h0;
+  s.add(y.data(), displacement.data(), next.data());
   s.derivative(t + settings.sign * h0, next.data(), change.data(), z.data());
   for (int i = 0; i < s.ny; ++i) change[i] -= F[i];
   const double largest_derivative = std::max(d1, norm(change) / h0);

@@ -11,7 +11,7 @@ from ...mechanism.checked_table import Table
 from ...mechanism.closures.constraints import spec_kind
 from ...mechanism.tree.joints import file_kind
 from ...solution.solution import Solution
-from ...solution.work_columns import actuators
+from ...solution.work_columns import elements_with_power
 from ...tabular import rounded_zero
 from ...units import displayed, unit_name
 from ..comparison.comparison import SHOWN
@@ -78,7 +78,7 @@ def downloads(report: "Report") -> str:
 
 def actuator_table(sol: Solution) -> str:
     """Return a table of power and work of forces and drivers over a run; "" if there are none."""
-    names = actuators(sol.mechanism)
+    names = elements_with_power(sol.mechanism)
     if not names:
         return ""
     found = sol.statistics([f"power.{name}" for name in names])

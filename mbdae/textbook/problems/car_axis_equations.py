@@ -69,13 +69,13 @@ def g_y(t: float, y: Array) -> Array:
 
 
 def g_t(t: float, y: Array) -> Array:
-    """Return the time derivative of g, (2,)."""
+    """Return the partial time derivative of g, (2,)."""
     _, _, dxb, dyb, ddxb, ddyb = road(t)
     return np.array([y[4] * dxb + y[5] * dyb + y[0] * ddxb + y[1] * ddyb, 0.0])
 
 
 def car_axis_equations() -> Hessenberg:
-    """Two points on a massless axle, on springs over a bumpy road: positions, velocities, (8,), and lam, (2,).
+    """Two point masses on a massless axle, on springs over a bumpy road: positions, velocities, (8,), and lam, (2,).
 
         k x'' = (L0/L_l - 1) x_l + lam_1 x_b + 2 lam_2 (x_l - x_r), ...,   0 = x_l x_b + y_l y_b, ...
 

@@ -16,7 +16,7 @@ def path(t: float) -> tuple[float, float]:
     return 1.2 - 0.2 * float(np.cos(t)), 0.2 * float(np.sin(t))
 
 
-def speed(T: float) -> tuple[float, float]:
+def rate_constant(T: float) -> tuple[float, float]:
     """Return k(T) = k_0 exp(E (1 - 1/T)), and its derivative."""
     k = RATE * float(np.exp(ACTIVATION * (1 - 1 / T)))
     return k, k * ACTIVATION / T**2
@@ -25,7 +25,7 @@ def speed(T: float) -> tuple[float, float]:
 def f(t: float, y: Array, z: Array) -> Array:
     """Return the rates of concentration and temperature, (2,)."""
     c, T = y
-    k, _ = speed(T)
+    k, _ = rate_constant(T)
     cooling = TRANSFER * np.exp(z[0]) * (T - COOLANT)
     return np.array([FEED - c - k * c, FEED_TEMPERATURE - T + HEAT * k * c - cooling])
 
@@ -33,7 +33,7 @@ def f(t: float, y: Array, z: Array) -> Array:
 def f_y(t: float, y: Array, z: Array) -> Array:
     """Return the partial derivatives of f with respect to y, (2, 2)."""
     c, T = y
-    k, dk = speed(T)
+    k, dk = rate_constant(T)
     return np.array([[-1 - k, -dk * c], [HEAT * k, -1 + HEAT * dk * c - TRANSFER * np.exp(z[0])]])
 
 

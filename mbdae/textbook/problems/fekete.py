@@ -14,7 +14,7 @@ COMPONENT, PARTICLE = np.arange(3 * N), np.repeat(np.arange(N), 3)
 
 
 def start() -> Array:
-    """Return particles on circles of latitude, from first index, count, angle and latitude over pi: (20, 3)."""
+    """Return positions (20, 3) on circles of latitude, each given by first index, count, angle and latitude over pi."""
     angles = [(2 * i / n + offset, b) for first, n, offset, b in CIRCLES for i in range(first, first + n)]
     a, b = np.pi * np.array(angles).T
     return np.stack([np.cos(a) * np.cos(b), np.sin(a) * np.cos(b), np.sin(b)], axis=1)

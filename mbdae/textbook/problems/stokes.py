@@ -19,7 +19,7 @@ def second_difference(n: int, ends: float) -> Array:
 
 
 def operators() -> tuple[Array, Array, Array]:
-    """Return the Laplacian (ny, ny), the divergence in all cells but the last (nz, ny), and the force of the lid."""
+    """Return viscosity times Laplacian (ny, ny), divergence in all cells but the last (nz, ny), lid shear (ny,)."""
     along, across = second_difference(N - 1, -2.0), second_difference(N, -3.0)  # across, walls are at half a cell
     u = np.kron(np.eye(N), along) + np.kron(across, np.eye(N - 1))  # u: rows of N - 1 inner faces
     v = np.kron(along, np.eye(N)) + np.kron(np.eye(N - 1), across)  # v: N - 1 rows of inner faces
@@ -36,9 +36,9 @@ def stokes() -> Hessenberg:
 
         y' = L y + D^T z + b,   0 = D y
 
-    L is the Laplacian times viscosity with walls at rest, b the shear by the lid, whose speed is 1, D the divergence,
-    -D^T the gradient. The fluid is at rest at the start. The pressure of the last cell is 0, since only pressure
-    differences matter.
+    L is the viscosity times the Laplacian with walls at rest, b the shear by the lid, whose speed is 1, D the
+    divergence, -D^T the gradient. The fluid is at rest at the start. The pressure of the last cell is 0, since only
+    pressure differences matter.
     Source: F. H. Harlow, J. E. Welch, Phys. Fluids 8 (1965), for the grid.
     """
     L, D, b = operators()

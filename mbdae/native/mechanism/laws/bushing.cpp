@@ -1,4 +1,4 @@
-// A linear elastic joint (bushing) between two frames; a: stiffness (6,), damping (6,), largest rotation in rad.
+// A linear compliant connection (bushing) of two frames; a: stiffness (6,), damping (6,), largest rotation in rad.
 #include <algorithm>
 #include <limits>
 
@@ -10,7 +10,7 @@ namespace mbdae::laws {
 // angle/sine for 0 <= angle < pi, from sine^2: the square root has no derivative at 0, where angle/sine = 1 is
 // constant.
 template <class S>
-static S angle_by_sine(const S& square, const S& cosine) {
+static S angle_over_sine(const S& square, const S& cosine) {
   if (!(value(square) > std::numeric_limits<double>::min())) return 1;
   const S sine = sqrt(square);
   return atan2(sine, cosine) / sine;
@@ -20,7 +20,7 @@ template <class S>
 static Vec3<S> rotation_vector(const Rotation<S>& R) {  // log R
   const S* x = R.x;
   const Vec3<S> axis = 0.5 * Vec3<S>(x[7] - x[5], x[2] - x[6], x[3] - x[1]);
-  return angle_by_sine(dot(axis, axis), 0.5 * (x[0] + x[4] + x[8] - 1)) * axis;
+  return angle_over_sine(dot(axis, axis), 0.5 * (x[0] + x[4] + x[8] - 1)) * axis;
 }
 
 // J_r(theta)^-1 a = a + theta x a/2 + sum B_2k/(2k)! theta x (theta x ...).
@@ -64,8 +64,8 @@ struct Bushing {
     out.conservative = wrench_at(x.pb, x.Ra * (-1.0 * scaled(k, gap(x))), x.Ra * (-1.0 * moment));
     if (!damped(law)) return out;
     const auto velocity = transposed(x.Ra, V.at(x.pb));
-    const auto spin = transposed(x.Ra, V.angular);
-    out.other = wrench_at(x.pb, x.Ra * (-1.0 * scaled(d, velocity)), x.Ra * (-1.0 * scaled(d + 3, spin)));
+    const auto angular_velocity = transposed(x.Ra, V.angular);
+    out.other = wrench_at(x.pb, x.Ra * (-1.0 * scaled(d, velocity)), x.Ra * (-1.0 * scaled(d + 3, angular_velocity)));
     return out;
   }
 

@@ -57,7 +57,7 @@ struct Linear {
     }
   }
 
-  // Springs tau = -k q + c have the potential k q^2/2 - c q + c^2/2k, where the last term is the offset.
+  // Springs tau = -k q + c have the potential k q^2/2 - c q + c^2/(2 k), where the last term is the offset.
   static double potential(const Law& law, const ForcePoint& p) {
     double out = law.offset;
     for (const Law::Term& x : law.terms) {
