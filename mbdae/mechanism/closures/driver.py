@@ -30,7 +30,7 @@ Target = str | tuple[str, str]
 
 
 class Options(TypedDict, total=False):
-    """Further keys of a driver."""
+    """Optional keys of a driver."""
 
     coefficients: tuple[float, ...]
     name: str
@@ -119,12 +119,12 @@ class Driver(Table):
 
     @cached_property
     def path(self) -> PiecewisePolynomial | TimeFunction:
-        """u(t), or the speed."""
+        """The function of time u(t), or the speed u'(t) of a speed driver."""
         return self.motion.motion if isinstance(self.motion, TimeTable) else self._given
 
     @cached_property
     def span(self) -> tuple[float, float]:
-        """Times between which u is defined: those of a table of motion without ``beyond``."""
+        """First and last time at which u is defined: those of a table of motion without ``beyond``."""
         if isinstance(self.motion, TimeTable) and self.motion.beyond is None:
             return self.motion.points[0][0], self.motion.points[-1][0]
         return -inf, inf

@@ -15,7 +15,7 @@ class UnilateralOptions(Table):
     """Options of unilateral rows.
 
     Attributes:
-        unilateral: whether the row transmits compression only (tension only for a rope), and can open and close.
+        unilateral: whether the row transmits compression only (tension only for a rope), and is inactive otherwise.
         restitution: coefficient of restitution of Newton's law of impact, between 0 and 1; 0 when left out.
         rest: flight time in s between two impacts, below which the contact remains closed; 1e-6 when left out.
     """

@@ -49,7 +49,7 @@ def test_every_study_refuses_it(tmp_path):
 
 def test_a_bevel_pair_whose_axes_do_not_meet_or_are_parallel(tmp_path):
     across = Closure.bevel("a", "b", (0.1, 0.2), UP, AHEAD, "mesh")
-    with pytest.raises(InputError, match=r"its axes do not intersect, their distance is 0\.2 m"):
+    with pytest.raises(InputError, match=r"its axes do not intersect: their distance is 0\.2 m"):
         mbdae.solve(wheels(tmp_path, across, AHEAD, (0.3, 0.2, 0.0)), (0, 1))
     with pytest.raises(InputError, match="closure 'mesh': its axes are parallel: use kind 'gear'"):
         mbdae.solve(wheels(tmp_path, Closure.bevel("a", "b", (0.1, 0.2), name="mesh")), (0, 1))
@@ -70,7 +70,7 @@ def test_a_flat_face_that_leans(tmp_path):
         body("face", "prismatic", axis=[0.0, 1.0, 0.0], rpy=[0.3, 0.0, 0.0]),
     ]
     face = Closure.cam("cam", "face", cam, "touch", axis=(0.0, 1.0, 0.0))
-    with pytest.raises(InputError, match=r"closure 'touch': its flat face is tilted by 0\.2\d* rad"):
+    with pytest.raises(InputError, match=r"closure 'touch': its flat face deviates by 0\.2\d* rad"):
         mbdae.solve(load(tmp_path, bodies, [face]), (0, 1))
 
 

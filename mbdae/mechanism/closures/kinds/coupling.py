@@ -26,7 +26,7 @@ class CouplingClosure(BetweenJoints):
     coupling is evaluated modulo their effect, and rejected if this is not possible (powers, irrational ratios).
 
     Attributes:
-        coefficients: c_0, c_1, ...: of powers of q_j for two joints; one for each joint for three or more.
+        coefficients: c_0, c_1, ...: those of the powers of q_j for two joints; one per joint for three or more.
         curve: the law f of a coupling of two joints, instead of coefficients (cam laws, indexing drives).
     """
 

@@ -142,7 +142,7 @@ def smallest_pivot(system: "Index2System", t: float, y: Array) -> SmallestPivot:
     U, G, r = system.inertia(t, system.split(y)[0]), system.jacobian(), system.rank or 1
     B = independent_rows.mass_scaled(U, G)
     if system.ng > independent_rows.MANY_ROWS:
-        diagonal = independent_rows.pivots_of_many(B, system.elimination_order, EPS**0.5)[1]
+        diagonal = independent_rows.windowed_pivots(B, system.elimination_order, EPS**0.5)[1]
     else:
         diagonal = independent_rows.pivots(B)[1]
     if r > len(diagonal):
