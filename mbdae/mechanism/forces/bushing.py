@@ -28,8 +28,8 @@ class Bushing(Force):
 
     Attributes:
         frames: names of both frames.
-        stiffness: N/m and N m/rad, (6,).
-        damping: N s/m and N m s/rad, (6,).
+        stiffness: stiffnesses in N/m and N m/rad, (6,).
+        damping: damping coefficients in N s/m and N m s/rad, (6,).
         name: for parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
@@ -57,7 +57,7 @@ class BushingElement(PairElement):
     """The law of `Bushing`.
 
     With theta' = J_l(theta)^-1 omega, omega the relative angular velocity in axes of the first frame, the potential
-    gives the moment -J_l(theta)^-T K theta; J_l^-T = J_r^-1, the inverse right Jacobian of exp.
+    yields the moment -J_l(theta)^-T K theta; J_l^-T = J_r^-1, the inverse right Jacobian of exp.
     """
 
     deflections = tuple((-1, axis) for axis in ("x", "y", "z", "rx", "ry", "rz"))
@@ -134,7 +134,7 @@ class BushingElement(PairElement):
 
 
 def rotation_vector(R: Array) -> Array:
-    """Return the vector theta (3,) in rad with R = exp(theta x .), accurate from 0 to 3 rad."""
+    """Return the rotation vector theta (3,) in rad of R = exp of the skew matrix of theta, accurate from 0 to 3 rad."""
     axis = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     sine = float(np.sqrt(axis @ axis))
     angle = np.arctan2(sine, 0.5 * (np.trace(R) - 1))

@@ -59,7 +59,7 @@ class CoulombFriction(Force):
 
     @property
     def width(self) -> float:
-        """Speed at which regularized friction reaches 76 % of its value."""
+        """Regularization width: the speed at which regularized friction reaches 76 % of its value, tanh 1."""
         return self.velocity or DEFAULT_VELOCITY
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:

@@ -52,7 +52,7 @@ class FMU(Force):
         outputs: its outputs, each acting on a joint of one velocity, or on a velocity ``"ball.wx"`` of another one,
             in N m or N, or setting an input of the mechanism, in its unit.
         parameters: its parameters and other values before the start, in its own units.
-        offset: an instant in s.
+        offset: a communication instant in s.
         recorded: whether it belongs to a saved run, which contains the outputs of the FMU but does not run it.
         name: for parameters, signals and messages; the kind and a number if omitted.
 
@@ -184,7 +184,7 @@ def with_fmu_paths(forces: Sequence[Any], path: Path) -> tuple[Any, ...]:
 
 
 class FmuElement(SampledElement):
-    """The law of `FMU`: s = (torques (m,), inputs that it sets, the last instant, the number of its state).
+    """The law of `FMU`: s = (torques (m,), inputs that it sets, the last instant, the number of its saved state).
 
     The instant, and a rate after each value, are states only for inputs with a first-order hold. See
     `mbdae.mechanism.fmu.session` for the number.

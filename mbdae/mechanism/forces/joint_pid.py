@@ -21,7 +21,7 @@ class JointPID(Force):
 
     Attributes:
         joint: a joint of one coordinate.
-        reference: rad, m, rad/s or m/s; a constant or a function of time.
+        reference: set point in rad, m, rad/s or m/s, a constant or a function of time.
         kp: proportional gain.
         ki: integral gain.
         kd: derivative gain.
