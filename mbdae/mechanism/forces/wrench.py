@@ -19,7 +19,7 @@ class Wrench(Force):
     """A force at the origin of a frame and a torque, constants or functions of time: tau = J^T [force; torque].
 
     Attributes:
-        frame: frame on which they act.
+        frame: frame on which the force and the torque act.
         force: components of the force in N, (3,).
         torque: components of the torque in N m, (3,).
         axes: axes of the components: ``"world"``, or ``"frame"`` for axes that rotate with the frame.

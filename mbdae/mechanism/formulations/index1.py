@@ -86,5 +86,5 @@ class Index1Chart(Index2Chart):
         return np.concatenate([s.manifold.tangent(x[:nv], F[:nv]), F[nv:]]), lam
 
     def all_multipliers(self, z: Array) -> Array:
-        """Multipliers of the last stage, at the end of the step, which are those of all rows."""
+        """Return the multipliers of the last stage, at the end of the step, which are those of all rows."""
         return z

@@ -1,7 +1,7 @@
 """Index-2 descriptor form of a mechanism, bound to a workspace.
 
 q' = v,   M(q) v' = f(t, q, v, s) + G(q)^T lam,   0 = G(q) v + g_t(t),   s' = h(t, q, v, s),   w' = power of the
-non-conservative forces and, -lam . g_t, of the drivers; s are the states of actuators and controllers
+non-conservative forces and, -lam . g_t, of the drivers; s are the states of actuators and controllers.
 """
 
 from math import inf, isfinite

@@ -48,7 +48,7 @@ class ImplicitStages:
         return tuple(self.rows.tolist())
 
     def start(self) -> tuple[Array, Array]:
-        """Return (v, v', w') and the multipliers of the rows in use, (r,)."""
+        """Return (v, v', s', w') and the multipliers of the rows in use, (r,)."""
         F, z = self.system.derivative(self.t, self.y)
         lam = z[: self.system.ng]
         if len(self.rows) < len(lam):

@@ -1,4 +1,4 @@
-"""Step of a Newmark-type method on the second-order equations of a mechanism, on any configuration manifold.
+"""Step of a Newmark-type method for the second-order equations of a mechanism, on any configuration manifold.
 
 With u = (v, s, w), and the coefficients of a method (`mbdae.methods.alpha`), the unknowns u_1', lam, mu satisfy
 

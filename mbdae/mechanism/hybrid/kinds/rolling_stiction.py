@@ -85,8 +85,8 @@ class RollingStiction(Switch):
             if not slip @ self._acceleration(point) < 0:
                 return False
             if slips and self._is_unresolved(point, h):
-                unclear = nextafter(float(np.linalg.norm(slip)) / CLEAR_SLIP, inf)
-                point.system.set_min_slip_speed(max(unclear, point.system.closure_friction.min_slip_speed))
+                unresolved = nextafter(float(np.linalg.norm(slip)) / CLEAR_SLIP, inf)
+                point.system.set_min_slip_speed(max(unresolved, point.system.closure_friction.min_slip_speed))
             return not self.slips(point)
 
         rate: PointFunction = lambda x: float(self._acceleration(x) @ first[0][1])  # noqa: E731
@@ -118,7 +118,7 @@ class RollingStiction(Switch):
     def slips(self, point: "ModePoint") -> bool:
         """Return whether the contact slides."""
         speed = float(np.linalg.norm(point.rate[self.no_slip]))
-        if self._is_planar and not point.system.closure_friction.is_clear(speed):
+        if self._is_planar and not point.system.closure_friction.is_resolved(speed):
             return False
         return speed > TRANSVERSE * point.velocity_tolerance(self.no_slip[0])
 
