@@ -37,7 +37,7 @@ class ImportedModel:
         model: the joint tree.
         visuals: its visual geometry.
         record: returns JSON data from which the tree and its visuals can be recreated.
-        gravity: in m/s^2, if the file defines it.
+        gravity: gravity in m/s^2, if the file defines it.
         closures: its closures.
         drivers: its drivers.
         mimics: joints that follow others.

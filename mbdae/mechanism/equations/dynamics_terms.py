@@ -1,4 +1,4 @@
-"""Dynamics terms of a mechanism at a point: M, G, frames, forces of inertia and weight, energies."""
+"""Dynamics terms of a mechanism at a point: M, G, frames, bias forces (Coriolis, centrifugal, gravity), energies."""
 
 from functools import cached_property
 from typing import Any, TypeAlias
