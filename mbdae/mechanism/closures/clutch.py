@@ -35,7 +35,7 @@ class Clutch(JointPair):
         pitch: pitch of the teeth of a ratchet, in rad or m of joint i.
         tooth: position of one tooth, in rad or m.
         engaged: command, a step function of time, positive while the clutch is engaged.
-        name: by default the names of the joints and "clutch".
+        name: name of the clutch; by default the names of the joints and "clutch".
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected; when a mechanism is created,

@@ -45,7 +45,7 @@ class Constraints:
 
     Args:
         model: the model.
-        data: its workspace.
+        data: a workspace of the model.
         specs: closures, drivers, stops, clutches and brakes.
 
     Attributes:

@@ -50,12 +50,12 @@ class Driver(Table):
 
     Attributes:
         motion: u(t), in rad or m; or
-        speed: its rate, in rad/s or m/s.
+        speed: the rate u'(t), in rad/s or m/s.
         joint: name of a joint of one coordinate, q_joint = u; or
         joints: names of joints i and j, with ``coefficients``: q_i - c_0 - c_1 q_j - c_2 q_j^2 - ... = u; or
         frames: names of two frames with the distance u > 0 between their origins.
         coefficients: c_0, c_1, ... for ``joints``.
-        name: by default the names above and "driver".
+        name: name of the driver; by default the names above and "driver".
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

@@ -140,7 +140,7 @@ def select_rows(
         B: scaled transposed constraint Jacobian.
         rows: the rows in use, (r,), or None at the start.
         r: number of rows.
-        position: see `elimination_order`.
+        position: position of each row, see `elimination_order`.
         pivoting: `pivots` of B, if already computed.
 
     Returns:

@@ -149,7 +149,7 @@ class PlaneCurve:
 
 
 class PointProfile(Table):
-    """A smooth curve through points: a spline of degree 7 over the arclength of their polygon.
+    """A smooth curve through points: a spline of degree 7 in the arclength of their polygon.
 
     Attributes:
         points: pairs (x, y) in m; a closed curve does not repeat its first point.

@@ -77,7 +77,7 @@ def shift_units(mech: "Mechanism") -> Array:
 
 
 def is_invariant(mech: "Mechanism", point: MotionPoint, shift: Array, T: float) -> bool:
-    """Return whether equations at a point are invariant under shifts back of joints, (nv,) in rad or m, and of time by T."""
+    """Return whether equations at a point are invariant under shifts of joints by -shift (nv,) and of time by -T."""
     system = mech.system()
     q = system.manifold.integrate(system.split(point.y)[0], -shift)
     shifted = point._replace(t=point.t - T, y=np.concatenate([q, point.y[mech.nq :]]))

@@ -30,7 +30,7 @@ class Bushing(Force):
         frames: names of both frames.
         stiffness: stiffnesses in N/m and N m/rad, (6,).
         damping: damping coefficients in N s/m and N m s/rad, (6,).
-        name: for parameters, signals and messages; the kind and a number if omitted.
+        name: name in parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

@@ -24,7 +24,7 @@ class DCMotor(Force):
         constant: motor constant, torque per current in N m/A, equal to voltage per speed in V s/rad.
         gear: gear ratio, rotor angle per joint angle.
         current: initial current in A.
-        name: for parameters, signals and messages; the kind and a number if omitted.
+        name: name in parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

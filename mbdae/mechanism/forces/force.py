@@ -50,7 +50,7 @@ class ForceElement:
     """A force bound to a workspace whose kinematics must be current at q when it is called.
 
     Args:
-        name: for messages.
+        name: name in messages.
         signals: the functions of time that the law depends on.
         states: names and initial values of its ns states.
     """

@@ -18,7 +18,7 @@ class JointDamping(Force):
     Attributes:
         joint: one joint or several.
         damping: damping coefficient in N m s/rad or N s/m.
-        name: for parameters, signals and messages; the kind and a number if omitted.
+        name: name in parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

@@ -50,7 +50,7 @@ class JointFriction(Force):
             time constant of the problem, inertia * velocity / friction, decreases with it.
         static: largest friction of a sticking joint, in N m or N, at least ``friction``, which is the default.
         exact: whether the joint can stick; true if ``static`` is given.
-        name: for parameters, signals and messages; the kind and a number if omitted.
+        name: name in parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

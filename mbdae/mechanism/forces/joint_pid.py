@@ -28,7 +28,7 @@ class JointPID(Force):
         controls: ``"position"`` or ``"velocity"``.
         rate: sampling rate in Hz; continuous if omitted.
         integral: initial value of s.
-        name: for parameters, signals and messages; the kind and a number if omitted.
+        name: name in parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

@@ -34,7 +34,7 @@ class JointSpring(Force):
         interpolation: kind of curve: ``"spline"`` (natural cubic) or ``"monotone"`` (cubic without overshoot).
         rest: rest position in rad or m.
         damping: damping coefficient in N m s/rad or N s/m, in addition to that of the joint.
-        name: for parameters, signals and messages; the kind and a number if omitted.
+        name: name in parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

@@ -25,7 +25,7 @@ class SpringDamper(Force):
         damping: damping coefficient in N s/m.
         length: rest length in m.
         force: actuator force in N, a constant or a function of time; if positive, it pushes the frames apart.
-        name: for parameters, signals and messages; the kind and a number if omitted.
+        name: name in parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

@@ -23,7 +23,7 @@ class Wrench(Force):
         force: components of the force in N, (3,).
         torque: components of the torque in N m, (3,).
         axes: axes of the components: ``"world"``, or ``"frame"`` for axes that rotate with the frame.
-        name: for parameters, signals and messages; the kind and a number if omitted.
+        name: name in parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

@@ -47,7 +47,7 @@ class Harmonic(BaseTimeFunction):
 
     Attributes:
         amplitude: amplitude in the unit of the value.
-        omega: angular frequency in rad/s.
+        omega: angular frequency in rad/s; in a motion law, in rad per rad or m.
         phase: phase in rad.
         offset: mean value, in the unit of the value.
     """
@@ -166,9 +166,9 @@ class Function(BaseTimeFunction):
 
     Args:
         function: t -> float.
-        rate: its first derivative.
-        acceleration: its second derivative.
-        name: by default the name of the function.
+        rate: first derivative of the function.
+        acceleration: second derivative of the function.
+        name: name in messages; by default that of the Python function.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

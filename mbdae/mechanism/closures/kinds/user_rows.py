@@ -39,7 +39,7 @@ class UserRows(BetweenJoints):
 
     Attributes:
         joints: names of the joints.
-        function: as above. A loaded solution has only its name: operations that evaluate it fail.
+        function: the Python function, see above. A loaded solution has only its name: operations that evaluate it fail.
         partials: q -> dG/dq, (n, n) or (size, n, n), [.., j, k] the derivative of G_j along velocity k; by central
             differences when left out, to about 1e-12.
         size: number of rows.

@@ -83,7 +83,7 @@ class NewmarkStep:
         return found[:n], found[n:]
 
     def measure(self, change: Array, du: Array) -> tuple[float, float]:
-        """Return the magnitudes of a change of v_1, and of the positions over h, relative to the largest speed."""
+        """Return the magnitudes of a change of v_1, and of positions divided by h, relative to the largest speed."""
         mech, nv = self.system.mechanism, self.system.nv
         scales, speeds = mech.coordinate_scales, np.abs(self.chart.v) + np.abs(self.h * du[:nv])
         speed = float((speeds / scales).max()) + np.finfo(float).tiny
