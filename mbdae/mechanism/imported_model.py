@@ -16,7 +16,7 @@ from .tree.frames import WORLD
 
 LISTED_NAMES = 4  # before "and n more"
 LIMITS, FRICTION = "limits of joints", "friction of joints"  # as named in `ImportedModel.left_out`
-EFFORTS, MIMICRY = "limits of effort and velocity of joints", "mimicry of joints that do not move by"
+EFFORTS, MIMICRY = "limits of effort and velocity of joints", "mimic constraints without a moving leader on"
 T = TypeVar("T", bound=BaseModel)
 
 

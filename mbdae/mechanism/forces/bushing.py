@@ -90,7 +90,7 @@ class BushingElement(PairElement):
         p, theta = self.relative_pose()
         Ra, pb, w = self.pair.Ra, self.pair.pb, V[3:]
         to_point = np.hstack([np.eye(3), -skew(pb)])  # V -> velocity of the point p_b
-        J_left = np.array([inverse_jacobian(-skew(theta), e) for e in np.eye(3)]).T
+        J_left_inverse = np.array([inverse_jacobian(-skew(theta), e) for e in np.eye(3)]).T
         perturbed = theta + 1j * COMPLEX_STEP * np.eye(3)
         theta_partials = [
             inverse_jacobian(X, self.kr * x).imag / COMPLEX_STEP
@@ -98,7 +98,7 @@ class BushingElement(PairElement):
         ]
         n, m = Ra @ (-self.k * p), Ra @ -inverse_jacobian(skew(theta), self.kr * theta)
         Db = moved_line_partials(pb, n[:, None])[0] - to_point.T @ (Ra * self.k) @ Ra.T @ to_point
-        Db[3:, 3:] -= Ra @ np.array(theta_partials).T @ J_left @ Ra.T
+        Db[3:, 3:] -= Ra @ np.array(theta_partials).T @ J_left_inverse @ Ra.T
         damper = (Ra * self.d) @ Ra.T
         u = -damper @ to_point @ V
         C = -to_point.T @ damper @ to_point

@@ -120,14 +120,14 @@ class BoundMotionLawRow(BoundCoordinateRow):
 
     def __init__(self, model: pin.Model, data: pin.Data, row: MotionLawRow, at: int, name: str) -> None:
         BoundJointRow.__init__(self, model, data, (row.joint, row.other), at, name)
-        self.law, revolution, (_, length, rise) = row.law, 2 * np.pi, period_of(row.law)
+        self.law, revolution, (_, length, increment) = row.law, 2 * np.pi, period_of(row.law)
         periods = [revolution] if self.joints[0].nq == 2 else []
         if self.joints[1].nq == 2:
             n = revolution / length if length else 0.0
             if not length or abs(n - round(n)) > COINCIDENT:
                 what = "does not repeat itself in a revolution" if length else "is not periodic"
                 raise InputError(f"{name!r}: a curve that {what} is not defined on an unbounded joint; bound the joint")
-            periods += [abs(rise * round(n))] if rise else []
+            periods += [abs(increment * round(n))] if increment else []
         self.period = common_period(periods, name)
 
     def core_data(self) -> CoreData:

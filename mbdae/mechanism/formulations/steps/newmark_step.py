@@ -92,12 +92,12 @@ class NewmarkStep:
 
     def end(self, du: Array, z: Array) -> tuple[Array, Array]:
         """Return the displacement of y, (ny,), and lam of all rows, (ng,)."""
-        s, moved = self.system, self.displacement(du, z)
-        q = s.manifold.integrate(self.chart.q, moved[: s.nv])
+        s, displacement = self.system, self.displacement(du, z)
+        q = s.manifold.integrate(self.chart.q, displacement[: s.nv])
         U, G = s.inertia(self.t + self.h, q), s.jacobian()
         s._last_q, s._last = q, (U, G)
         s.selection_trigger.probe(U, G, self.rows)
-        return moved, s.all_multipliers(U, G, self.rows, z[: len(self.rows)])
+        return displacement, s.all_multipliers(U, G, self.rows, z[: len(self.rows)])
 
 
 def newmark_step(system: "Index2System", t: float, h: float, y: Array, stabilized: bool) -> NewmarkStep:

@@ -178,8 +178,8 @@ class RollingStiction(Switch):
             StepError: if the normal is opposite to the z axis of a sphere.
         """
         system.jacobian(system.split(y)[0])
-        surface = system.closure_friction.interfaces[self.friction_index].pair
-        if np.linalg.norm(system.constraints.W[:3, self.normal] + surface.Ra[:, 2]) <= PARALLEL:
+        pair = system.closure_friction.interfaces[self.friction_index].pair
+        if np.linalg.norm(system.constraints.W[:3, self.normal] + pair.Ra[:, 2]) <= PARALLEL:
             where = "the normal is -z of its first frame, and tangents are undefined: rotate this frame"
             raise StepError("singular", f"{self.name!r} begins to slide where {where}")
 
