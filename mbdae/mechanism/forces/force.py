@@ -117,7 +117,7 @@ class ForceElement:
         return s[at]
 
     def has_jumped(self, t: float, late: float) -> bool:
-        """Return whether the instant that t matches up to rounding is more than ``late`` units of rounding before t."""
+        """Return whether the nearest instant of a jump is more than ``late`` units of rounding before t."""
         return False
 
     external = False  # an external program computes a state of the law besides s

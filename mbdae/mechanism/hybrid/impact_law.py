@@ -4,7 +4,7 @@
 
 Newton's impact law for the approaching contact rows N and the bilateral rows G; c and b are their g_t. v+ is the
 point closest to v- in the mass metric with G v+ + b = 0 and N v+ + c >= -e (N v- + c): least-distance programming,
-solved by non-negative least squares. v+ is unique; if p without friction is not, the minimum-norm p is taken, as for
+solved by non-negative least squares. v+ is unique; if p without friction is not, the minimum-norm p is chosen, as for
 multipliers. Rows that already separate are excluded, because energy could increase otherwise; if they approach
 afterwards, they impact next, together with the no-slip rows of the same contact.
 
