@@ -19,7 +19,7 @@ GROWTH_TOLERANCE = 1e-2  # fraction of the largest pivot: a dependent row whose 
 SMALLEST_PIVOT = SUM_ROUNDING  # fraction of the largest, in the system of the rows in use: below, it is singular
 AMBIGUOUS_AFTER_START = TRUNCATION  # replaces AMBIGUOUS_PIVOT where a run already follows one branch
 MANY_ROWS = 32  # rows: above, sparse and band factorizations are used, and all rows are inspected only when triggered
-RESELECTION_RATIO = 0.01  # fraction of the best pivot ratio since the last selection: below, rows are selected anew
+RESELECTION_RATIO = 0.01  # fraction of the best pivot ratio since the last selection: below, rows are selected again
 # fraction of the largest row: a dependent row with a larger component along a probe also triggers a selection
 PROBE_TOLERANCE = 0.1 * GROWTH_TOLERANCE
 CONVERGED = BELOW_ROUNDING**2  # square of the relative residual

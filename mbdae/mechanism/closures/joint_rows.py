@@ -19,7 +19,7 @@ from ...tolerances import SOLUTION_ROUNDING
 from ..tree.frames import find_joint
 from ..tree.joints import subspace
 
-MAX_DENOMINATOR = 1000  # of rational ratios of unbounded joints
+MAX_DENOMINATOR = 1000  # largest denominator of a rational ratio of unbounded joints
 
 
 class JointRow:
