@@ -1,4 +1,4 @@
-"""Mechanisms over Pinocchio models. Only this package imports pinocchio."""
+"""Mechanisms built on Pinocchio models. Only this package imports pinocchio."""
 
 from ..discovery import model_names
 from ..errors import NotCompiled

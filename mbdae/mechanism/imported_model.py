@@ -16,7 +16,7 @@ from .tree.frames import WORLD
 
 LISTED_NAMES = 4  # before "and n more"
 LIMITS, FRICTION = "limits of joints", "friction of joints"  # as named in `ImportedModel.left_out`
-EFFORTS, MIMICRY = "limits of effort and velocity of joints", "mimicry of joints that do not move by"
+EFFORTS, MIMICRY = "limits of effort and velocity of joints", "mimic constraints without a moving leader on"
 T = TypeVar("T", bound=BaseModel)
 
 
@@ -35,17 +35,17 @@ class ImportedModel:
 
     Attributes:
         model: the joint tree.
-        visuals: its visual geometry.
+        visuals: visual geometry of the tree.
         record: returns JSON data from which the tree and its visuals can be recreated.
-        gravity: in m/s^2, if the file defines it.
-        closures: its closures.
-        drivers: its drivers.
+        gravity: gravity in m/s^2, if the file defines it.
+        closures: closures of the file.
+        drivers: drivers of the file.
         mimics: joints that follow others.
-        forces: descriptions of its forces.
-        frames: tables of frames used by its closures.
+        forces: descriptions of the forces of the file.
+        frames: tables of frames used by the closures.
         weightless: masses in kg on which gravity does not act, by frame at the centre of mass.
-        start: its start state.
-        motors: its named inputs.
+        start: start state of the file.
+        motors: named inputs of the file.
         controls: values of inputs given by the file.
         normals: normals of the planes of planar joints, in their frames.
         left_out: features of the file that are not supported.

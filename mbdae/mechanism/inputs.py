@@ -35,7 +35,7 @@ class Inputs:
 
     Attributes:
         original: the mechanism.
-        mechanism: its copy.
+        mechanism: the copy, in which inputs can be set.
         original_inputs: inputs of the mechanism that the user sets, by name.
         user_inputs: the same inputs of the copy.
         fmu_inputs: inputs of the copy that outputs of FMUs set.

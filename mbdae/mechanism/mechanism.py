@@ -55,7 +55,7 @@ class Mechanism(DynamicsTerms):
         closures: loop closures, see `mbdae.Closure`.
         drivers: joints, couplings or distances that follow functions of time, see `mbdae.Driver`.
         stops: limits of joint motions, see `mbdae.Stop`.
-        clutches: one-way clutches and ratchets, see `mbdae.Clutch`.
+        clutches: one-way, ratchet and commanded clutches, see `mbdae.Clutch`.
         resets: events at which the state jumps, see `mbdae.Reset`.
         forces: descriptions of forces, or functions tau(t, q, v) -> (nv,) in N m and N.
         start: values of joints at the start, ``{"q": {joint: x}}``, see `mbdae.mechanism.model_settings.Start`.
@@ -166,7 +166,7 @@ class Mechanism(DynamicsTerms):
         return find_joint(self.model, name).shortname().removeprefix("JointModel")
 
     def rows_of(self, name: str) -> range:
-        """Return the row indices of a closure, driver or stop; ``row_names`` is the inverse.
+        """Return the row indices of a closure, driver, stop or clutch; ``row_names`` is the inverse.
 
         Raises:
             UnknownNameError: lists the valid names.

@@ -35,7 +35,7 @@ class PulledPoint:
     Args:
         mechanism: the mechanism.
         joint: index of the joint.
-        point: in the world in m, (3,).
+        point: the point in the world in m, (3,).
         q: configuration (nq,) for which the point is given.
     """
 

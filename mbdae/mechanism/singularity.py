@@ -16,9 +16,9 @@ from .signals.reactions import mass_scaled_jacobian
 if TYPE_CHECKING:
     from .formulations.index2 import Index2System
 
-SINGULAR = AMBIGUOUS_PIVOT  # pivot ratio to its regular value, with projection
+SINGULAR = AMBIGUOUS_PIVOT  # pivot ratio relative to its regular value, with projection
 MAX_WITH_VIOLATION = 1e-2  # largest pivot ratio for a run that violates closures; above, its results are not reliable
-BYPASS = 5.0  # distance from a singularity at which such a run may pass, over the square root of the violation
+BYPASS = 5.0  # distance from a singularity at which such a run may pass, divided by the square root of the violation
 ROTATION_WIDTH = 1e-4  # fraction of a step: large enough to measure the rotation of the tangent space
 
 
@@ -30,8 +30,8 @@ class Singular:
         t: time in s.
         q: configuration, (nq,).
         v: velocity, (nv,).
-        rank: rank of the closures before and after.
-        rank_there: rank in this configuration.
+        rank: rank of G before and after.
+        rank_there: rank of G in this configuration.
         closures: names of the closures whose rows become dependent there.
     """
 
@@ -96,7 +96,7 @@ def pivot_limit_with_violation(system: "Index2System", t: float, y: Array, regul
 def singular_crossing(system: "Index2System", t: float, y: Array, limit: float, allowed: float) -> bool:
     """Return whether the motion with closed loops passes through a singular configuration near (t, y).
 
-    Collinear bars with a gap pass the singularity on a curve of radius sqrt(gap): a residual of the vanishing
+    Collinear bars with a gap pass the singularity at a distance of about sqrt(gap): a residual of the vanishing
     combination of rows remains when the other rows are satisfied.
 
     Args:

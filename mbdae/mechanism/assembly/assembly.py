@@ -87,7 +87,7 @@ def _initial_estimate(
 
 
 def assemble_from(mech: "Mechanism", at: InitialEstimate, t: float) -> Assembled:
-    """Return the consistent state near an initial estimate; several velocities (k, nv) give several velocities.
+    """Return the consistent state near an initial estimate; several velocities (k, nv) yield several velocities.
 
     Raises:
         AssemblyError: see `assemble`; if any velocity cannot be made consistent.

@@ -24,7 +24,7 @@ ITERATIONS = 100
 WIDTHS = (0.1, 0.4, 1.5, 3.0)  # widths of random displacements of the initial estimate
 STARTS = 6  # starts for each width
 FRACTIONS = [0.5**k for k in range(12)]  # fractions of a step, in its line search
-NEAR = 0.05  # change of a coordinate: a configuration this close to the estimate is always accepted
+NEAR = 0.05  # change of a coordinate: a solution this close to the estimate is always accepted
 APPROACHES = 10  # steps along the null space towards the estimate
 DAMPING = 0.1  # initial damping, as a fraction of |g|
 SLOW = 0.5  # remaining fraction of |g|, above which a step shorter than NEAR is overdamped
@@ -100,7 +100,7 @@ class _PositionSearch:
         return float(np.abs(mech.manifold.difference(self.guess, q) / mech.coordinate_scales).max())
 
     def start_from(self, starts: Iterable[Array]) -> None:
-        """Search from some configurations."""
+        """Search from some configurations, and add the results."""
         results = [gauss_newton(self.system, start, self.free, self.t) for start in starts]
         self.found += results
         self.closed += [x for x in results if is_closed(self.system, x, self.t)]

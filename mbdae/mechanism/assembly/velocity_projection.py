@@ -115,7 +115,7 @@ def _times(A: Any, x: Array) -> Array:
 
 
 def _has_positive_pivots(M: Any) -> bool:
-    """Whether elimination from the leaves of the tree, without fill-in, has positive pivots."""
+    """Return whether elimination from the leaves of the tree, without fill-in, has positive pivots."""
     from scipy.sparse.linalg import splu
 
     try:

@@ -19,8 +19,8 @@ class ActiveRange(Table):
 
     Attributes:
         joint: name of a joint of one bounded coordinate.
-        windows: pairs (lower, upper) in rad or m that neither overlap nor touch.
-        period: of the windows in rad or m; they do not repeat when left out.
+        windows: pairs (lower, upper) in rad or m, which neither overlap nor touch.
+        period: period of the windows in rad or m; they do not repeat when left out.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -55,8 +55,8 @@ class ActiveRange(Table):
     def distances(self, x: float) -> list[float]:
         """Return the distances of x from the lower and upper end of each window, positive inside the window."""
         ends = [(end, sign) for low, high in self.windows for end, sign in ((low, 1.0), (high, -1.0))]
-        periods = [round((x - end) / self.period) * self.period if self.period else 0.0 for end, _ in ends]
-        return [sign * (x - end - turns) for (end, sign), turns in zip(ends, periods, strict=True)]
+        shifts = [round((x - end) / self.period) * self.period if self.period else 0.0 for end, _ in ends]
+        return [sign * (x - end - shift) for (end, sign), shift in zip(ends, shifts, strict=True)]
 
     @property
     def shortest(self) -> float:

@@ -12,8 +12,8 @@ class Brake(NamedTuple):
     Attributes:
         joint: name of the joint.
         force: name of its friction force.
-        kinetic: friction while it slips, in N m or N.
-        static: largest friction while it sticks.
+        kinetic: kinetic friction torque or force, while it slips, in N m or N.
+        static: largest friction torque or force while it sticks, in N m or N.
     """
 
     joint: str

@@ -82,8 +82,8 @@ class Closure(Table, metaclass=ByKind):
     gears, screws and ratios are velocity rows: they enforce G v = 0 and have no g.
 
     Attributes:
-        kind: one of the table.
-        name: by default the names of both frames or joints.
+        kind: one of the kinds below.
+        name: name of the closure; by default the names of both frames or joints.
         within: range of a joint coordinate in which the closure is active; always active when left out.
 
     Raises:
@@ -173,7 +173,7 @@ class Closure(Table, metaclass=ByKind):
         """Return which precondition on both frames is violated; empty if none.
 
         Args:
-            pair: its frames, with current poses.
+            pair: frames of the closure, with current poses.
             relative: rotation from a to b at the start, R_b^T R_a, (3, 3).
         """
         return ""

@@ -16,9 +16,9 @@ class ClosureError(NamedTuple):
     """Closure or driver with the largest violation.
 
     Attributes:
-        name: its name.
-        size: norm of its residual.
-        relative: the same with lengths in characteristic lengths of the mechanism; the largest of all closures.
+        name: name of the closure or driver.
+        size: norm of its residual, in the units of its rows.
+        relative: the same norm with lengths in characteristic lengths of the mechanism, the largest of all closures.
         text: residual with units, lengths and angles separately.
         velocity_only: whether the largest residual is that of a velocity row, which slips and has no g.
     """

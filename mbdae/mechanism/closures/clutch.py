@@ -21,8 +21,8 @@ class Clutch(JointPair):
 
         sign (v_i - ratio v_j) >= 0, and the locking torque acts in that direction only
 
-    Without ``pitch`` (freewheel, sprag clutch) it locks at once. With ``pitch`` it is a ratchet: its pawl drops into a
-    tooth at x_i - ratio x_j = tooth + k pitch, and the joint runs back at most to the last of these.
+    Without ``pitch`` (freewheel, sprag clutch) it locks at once. With ``pitch`` it is a ratchet: its pawl engages at
+    x_i - ratio x_j = tooth + k pitch, and the joint runs back at most to the last of these positions.
 
     With ``engaged`` it is a commanded clutch: it locks in both directions, v_i = ratio v_j, while the command is
     positive. Engagement at different speeds is an impact.
@@ -30,12 +30,12 @@ class Clutch(JointPair):
     Attributes:
         joint: name of a joint of one coordinate, against the ground; or
         joints: names of joints i and j.
-        direction: in which joint i overruns: 1 forwards, -1 backwards.
-        ratio: of both speeds when locked; 1 when left out.
-        pitch: of the teeth in rad or m, of a ratchet.
+        direction: direction in which joint i overruns: 1 forwards, -1 backwards.
+        ratio: speed ratio v_i / v_j when locked; 1 when left out.
+        pitch: pitch of the teeth of a ratchet, in rad or m of joint i.
         tooth: position of one tooth, in rad or m.
-        engaged: command: steps over time, positive while it is engaged.
-        name: by default the names of the joints and "clutch".
+        engaged: command, a step function of time, positive while the clutch is engaged.
+        name: name of the clutch; by default the names of the joints and "clutch".
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected; when a mechanism is created,
@@ -79,13 +79,13 @@ class Clutch(JointPair):
 
 @dataclass(frozen=True)
 class ToothRow(JointRow):
-    """Row g = q_i - c_0 - c_1 q_j modulo a pitch: the pawl of a ratchet in a tooth.
+    """Row g = q_i - c_0 - c_1 q_j modulo a pitch: the pawl of a ratchet at a tooth.
 
     Attributes:
         joint: name of joint i.
         other: name of joint j; without one the row is g = q_i - c_0.
-        coefficients: c_0, c_1 in rad or m.
-        pitch: in rad or m.
+        coefficients: c_0 in rad or m, and the ratio c_1.
+        pitch: pitch of the teeth in rad or m.
     """
 
     joint: str

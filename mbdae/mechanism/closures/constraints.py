@@ -1,9 +1,9 @@
-"""All rows of a mechanism, of closures and then of drivers, bound to a workspace.
+"""All rows of a mechanism, of closures, drivers, stops, clutches and brakes, bound to a workspace.
 
     0 = g(t, q) = c(q) - u(t),   G = dc/dq,   g_t = -u',   gamma = Gdot v + g_tt,   g_tt = -u''
 
-with u = 0 for closures. Neither G nor its rate depends explicitly on time, and g_tq = 0. Velocity rows have no g: their
-entries are 0.
+with u = 0 for all but drivers. Neither G nor its rate depends explicitly on time, and g_tq = 0. Velocity rows have no
+g: their entries are 0.
 """
 
 from collections.abc import Iterable, Sequence
@@ -45,13 +45,13 @@ class Constraints:
 
     Args:
         model: the model.
-        data: its workspace.
-        specs: closures and then drivers.
+        data: a workspace of the model.
+        specs: closures, drivers, stops, clutches and brakes.
 
     Attributes:
-        frame_rows: bound rows of each closure or driver between frames, by name.
+        frame_rows: bound rows of each closure or driver between frames, by its name.
         joint_rows: bound rows between joints.
-        spans: indices of the rows of each closure and driver, by name.
+        spans: slice of the rows of each closure, driver, stop, clutch and brake, by name.
         driven: indices of the rows that follow functions of time, and their drivers.
         positional: which rows have a g, (ng,).
         W: wrenches of the rows between frames at the last evaluation of G, (6, ng).
@@ -129,7 +129,7 @@ class Constraints:
 
     @cached_property
     def sign(self) -> Array:
-        """See `mbdae.mechanism.tree.frames.Pair`, (ng, nv)."""
+        """Signs of the columns of J in each row between frames, (ng, nv), see `mbdae.mechanism.tree.frames.Pair`."""
         out = np.zeros((self.ng, self.nv))
         for name, (pair, _) in self.frame_rows.items():
             out[self.spans[name]] = pair.sign
@@ -263,7 +263,7 @@ class Constraints:
         return by_q, by_v
 
     def motion(self, t: float | None) -> Array:
-        """Return u, u' and u'' over all rows, (3, ng): zero for closures; nan for drivers without t.
+        """Return u, u' and u'' of all rows, (3, ng): zero for closures; nan for drivers without t.
 
         Raises:
             StepError: if a driver is not defined at t, or drives a distance to zero.

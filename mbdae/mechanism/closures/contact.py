@@ -40,11 +40,11 @@ class ConvexBody:
     """Convex body, in the second frame, on a surface of a, in the first frame.
 
     Attributes:
-        axle: unit vector, (3,); None for a sphere or an ellipsoid without heading.
+        axle: unit vector along the axle of a wheel, (3,); None for a sphere or an ellipsoid, which has no heading.
         rim: radius of the circle of tyre section centres, in m; 0 for a sphere.
         tyre: radius of the tyre's section in m; 0 for a knife edge.
-        semi_axes: of an ellipsoid in m, (3,), or None.
-        centre: of an ellipsoid in m, (3,).
+        semi_axes: semi-axes of an ellipsoid in m, (3,); None for a wheel or sphere.
+        centre: centre of an ellipsoid in m, (3,).
         surface: ``"plane"`` with normal z, ``"sphere"`` or ``"cylinder"`` about z.
         surface_radius: radius of a sphere or cylinder in m, negative where the body rolls inside.
     """
@@ -124,7 +124,7 @@ class ConvexBody:
         return pair.Rb.dot(np.array(self.axle)[:, None])
 
     def heading(self, pair: Pair, n: Array, dn: Array) -> tuple[Array, Array]:
-        """Return a tangent and its rate: forwards for a wheel; else x of a on a plane, or around the z axis of a.
+        """Return a tangent and its rate: forwards for a wheel; otherwise x of a on a plane, or around z on a cylinder.
 
         On a sphere it is x of a, reflected in the plane that maps z of a to -n. It varies continuously, except at
         n = -z, as required for slip directions, which are stored as components along the tangents.

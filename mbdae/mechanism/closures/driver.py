@@ -30,7 +30,7 @@ Target = str | tuple[str, str]
 
 
 class Options(TypedDict, total=False):
-    """Further keys of a driver."""
+    """Optional keys of a driver."""
 
     coefficients: tuple[float, ...]
     name: str
@@ -50,12 +50,12 @@ class Driver(Table):
 
     Attributes:
         motion: u(t), in rad or m; or
-        speed: its rate, in rad/s or m/s.
+        speed: the rate u'(t), in rad/s or m/s.
         joint: name of a joint of one coordinate, q_joint = u; or
         joints: names of joints i and j, with ``coefficients``: q_i - c_0 - c_1 q_j - c_2 q_j^2 - ... = u; or
         frames: names of two frames with the distance u > 0 between their origins.
         coefficients: c_0, c_1, ... for ``joints``.
-        name: by default the names above and "driver".
+        name: name of the driver; by default the names above and "driver".
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -119,12 +119,12 @@ class Driver(Table):
 
     @cached_property
     def path(self) -> PiecewisePolynomial | TimeFunction:
-        """u(t), or the speed."""
+        """The function of time u(t), or the speed u'(t) of a speed driver."""
         return self.motion.motion if isinstance(self.motion, TimeTable) else self._given
 
     @cached_property
     def span(self) -> tuple[float, float]:
-        """Times between which u is defined: those of a table of motion without ``beyond``."""
+        """First and last time at which u is defined: those of a table of motion without ``beyond``."""
         if isinstance(self.motion, TimeTable) and self.motion.beyond is None:
             return self.motion.points[0][0], self.motion.points[-1][0]
         return -inf, inf

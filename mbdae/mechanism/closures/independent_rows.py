@@ -17,9 +17,9 @@ reverse_cuthill_mckee = lazy_import("scipy.sparse.csgraph", "reverse_cuthill_mck
 WORST_CONDITIONING = 0.1  # fraction of the smallest pivot of the best selection: below, rows in use are replaced
 GROWTH_TOLERANCE = 1e-2  # fraction of the largest pivot: a dependent row whose pivot exceeds it has become independent
 SMALLEST_PIVOT = SUM_ROUNDING  # fraction of the largest, in the system of the rows in use: below, it is singular
-AMBIGUOUS_AFTER_START = TRUNCATION  # AMBIGUOUS_PIVOT once a run follows a branch, with loops closed to its square
+AMBIGUOUS_AFTER_START = TRUNCATION  # replaces AMBIGUOUS_PIVOT where a run already follows one branch
 MANY_ROWS = 32  # rows: above, sparse and band factorizations are used, and all rows are inspected only when triggered
-RESELECTION_RATIO = 0.01  # fraction of the best pivot ratio since the last selection: below, rows are selected
+RESELECTION_RATIO = 0.01  # fraction of the best pivot ratio since the last selection: below, rows are selected again
 # fraction of the largest row: a dependent row with a larger component along a probe also triggers a selection
 PROBE_TOLERANCE = 0.1 * GROWTH_TOLERANCE
 CONVERGED = BELOW_ROUNDING**2  # square of the relative residual
@@ -29,7 +29,7 @@ RANK_LOSS_FACTOR = 100.0  # times `PIVOT_RANK` and the pivot ratio at the start:
 
 @cache
 def random_probe(nv: int) -> np.ndarray:
-    """Return a vector in general position, (nv,), of unit variance."""
+    """Return a random vector with entries of unit variance, (nv,), the same in each call."""
     return np.random.default_rng(0).standard_normal(nv)
 
 
@@ -140,7 +140,7 @@ def select_rows(
         B: scaled transposed constraint Jacobian.
         rows: the rows in use, (r,), or None at the start.
         r: number of rows.
-        position: see `elimination_order`.
+        position: position of each row, see `elimination_order`.
         pivoting: `pivots` of B, if already computed.
 
     Returns:
@@ -152,17 +152,17 @@ def select_rows(
     if rows is not None and pivots(B[:, rows])[1][r - 1] >= WORST_CONDITIONING * best[r - 1]:
         return rows
     if B.shape[1] > MANY_ROWS:
-        order = pivots_of_many(B, position, AMBIGUOUS_PIVOT if rows is None else EPS**0.5)[0]
+        order = windowed_pivots(B, position, AMBIGUOUS_PIVOT if rows is None else EPS**0.5)[0]
     return order[:r][position[order[:r]].argsort()]
 
 
-def pivots_of_many(B: np.ndarray, position: np.ndarray, tie: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return columns of B and their pivots, decreasing, as `pivots` does, from Cholesky's elimination of B^T B.
+def windowed_pivots(B: np.ndarray, position: np.ndarray, tie: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return columns of B and their pivots, decreasing, as `pivots` does, by Cholesky factorization of B^T B.
 
     Pivots are chosen within a window of the first remaining columns in elimination order, as wide as the coupling of
     rows: a choice among all columns would destroy the band structure. Of squared pivots that agree to a relative
     tolerance ``tie``, the first column is chosen: in a symmetric mechanism many are equal, and rounding, which differs
-    in the compiled core, must not decide. Pivots at or below ``tie`` of the largest entry are omitted.
+    in the compiled core, must not decide. Pivots up to ``tie`` times the largest are omitted.
     """
     S = B.T.dot(B)
     i, j = S.nonzero()

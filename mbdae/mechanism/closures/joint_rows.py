@@ -19,7 +19,7 @@ from ...tolerances import SOLUTION_ROUNDING
 from ..tree.frames import find_joint
 from ..tree.joints import subspace
 
-MAX_DENOMINATOR = 1000
+MAX_DENOMINATOR = 1000  # largest denominator of a rational ratio of unbounded joints
 
 
 class JointRow:
@@ -85,7 +85,7 @@ class BoundJointRow:
         joints: joints of Pinocchio's model, (k,).
         columns: velocity indices of the connected joints, (1,) or (2,).
         polynomial: c_0, c_1, ...
-        period: g is known up to multiples of this; 0 if g is unique.
+        period: period up to multiples of which g is known; 0 if g is unique.
 
     Raises:
         InputError: for joints of several coordinates.

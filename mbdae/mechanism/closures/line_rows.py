@@ -1,6 +1,6 @@
-"""Rows along lines: the velocities of two bodies at a point are equal along lines through it.
+"""Rows along lines through a point, along which the velocities of two bodies at the point have equal components.
 
-    0 = w . (V_b - V_a) + ...,   w = [e; p x e],   w' = [e'; p' x e + p x e']
+    0 = w . (V_b - V_a),   w = [e; p x e],   w' = [e'; p' x e + p x e']
 
 with unit vectors e through a point p: a force along e. Each kind computes e, p and their rates for the velocities of
 both frames. Velocity rows have no g, and therefore no drift-off. Rates are linear in the velocities, which yields the

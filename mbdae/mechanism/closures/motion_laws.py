@@ -1,4 +1,4 @@
-"""Motion laws y = f(x) between joints, as data of a file: cams, indexing drives, eccentrics."""
+"""Motion laws y = f(x) between joints, as data in files: cams, indexing drives, eccentrics."""
 
 from functools import cached_property
 from math import factorial, floor, pi

@@ -3,7 +3,7 @@
     roller, pin    g = side (x - c).n - r at the nearest c, n the profile's normal in its plane;  along n through p_b
     flat face      g = n.(p_b - c), n the face's normal, c the profile's farthest point along it;  along n through c
 
-A motion of the contact along the profile does not change g, so the rates are those of the lines.
+g is stationary with respect to the contact's position on the profile, so G follows from the line alone.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Plane curves c(s), s in rad or m, for cams and slots, as data of a file.
+"""Plane curves c(s), s in rad or m, for cams and slots, as data in files.
 
 Contacts with them, x a point and n a direction in their plane:
 
@@ -122,14 +122,14 @@ class PlaneCurve:
                 break
         out = self.at(s)
         if not np.real(out.dd.dot(n)) < 0:
-            raise StepError("singular", "the flat face does not touch the profile in a point")
+            raise StepError("singular", "the flat face does not touch the profile at a single point")
         return out
 
     def require_regular(self, radius: float | None) -> None:
         """Reject a roller of a radius in m, or a flat face for None, that cannot touch the curve everywhere.
 
         Raises:
-            ValueError: names the point where the curve is concave.
+            ValueError: for an open curve; otherwise names the point where the curve is concave.
         """
         worst = int(self.curvatures.argmin())
         at, curvature = tuple(round(float(c), 6) for c in self.points[worst]), float(self.curvatures[worst])
@@ -149,7 +149,7 @@ class PlaneCurve:
 
 
 class PointProfile(Table):
-    """A smooth curve through points: a spline of degree 7 over the arclength of their polygon.
+    """A smooth curve through points: a spline of degree 7 in the arclength of their polygon.
 
     Attributes:
         points: pairs (x, y) in m; a closed curve does not repeat its first point.

@@ -4,8 +4,8 @@ A row between two frames is a scalar g(q) whose rate is the power of a wrench w 
 
     d/dt g = w . (V_b - V_a),   G_row = sign * (w^T J),   gamma = dw/dt . (V_b - V_a) + w . (A_b - A_a),
 
-with spatial velocities V and accelerations A (for v' = 0) at the world's origin. So a row needs only g, w and dw/dt,
-and is exact off the manifold. A velocity row has w and no g (`mbdae.mechanism.closures.line_rows`).
+with spatial velocities V, accelerations A (for v' = 0) and wrenches about the world's origin. So a row needs only g, w
+and dw/dt, and is exact off the manifold. A velocity row has w and no g (`mbdae.mechanism.closures.line_rows`).
 Multipliers: N for rows measured in m, N m for products of axes. Rows between joint coordinates need no frames
 (`mbdae.mechanism.closures.joint_rows`).
 
@@ -46,7 +46,7 @@ class FrameRows:
         raise NotImplementedError
 
     def wrenches(self, pair: Pair, w: np.ndarray) -> None:
-        """Write the wrenches on b at the world's origin into w (6, m), which is initially zero."""
+        """Write the wrenches on b about the world's origin into w (6, m), which is initially zero."""
         raise NotImplementedError
 
     def rate(self, pair: Pair) -> np.ndarray:

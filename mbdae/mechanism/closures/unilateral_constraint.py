@@ -15,7 +15,7 @@ class UnilateralOptions(Table):
     """Options of unilateral rows.
 
     Attributes:
-        unilateral: whether the row transmits compression only (tension only for a rope), and can open and close.
+        unilateral: whether the row transmits compression only (tension only for a rope), and is inactive otherwise.
         restitution: coefficient of restitution of Newton's law of impact, between 0 and 1; 0 when left out.
         rest: flight time in s between two impacts, below which the contact remains closed; 1e-6 when left out.
     """
@@ -49,7 +49,7 @@ class Stop(JointPair, UnilateralOptions):
         restitution: coefficient of restitution of Newton's law of impact, between 0 and 1; 0 when left out.
         rest: flight time in s between two impacts, below which the contact remains closed; 1e-6 when left out.
         unilateral: always true.
-        name: by default the names of the joints and "stop".
+        name: name of the stop; by default the names of the joints and "stop".
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

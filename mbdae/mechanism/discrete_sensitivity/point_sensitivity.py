@@ -176,7 +176,7 @@ class PointSensitivity(AccelerationSensitivity):
         gravity = pin.nonLinearEffects(s.model, s.workspace, q, rest).copy()
         pin.forwardKinematics(s.model, s.workspace, q, rest)
         pin.computeJointJacobians(s.model, s.workspace, q)
-        out[1, :nv] = gravity - s.laws.split_torque(0.0, q, rest, np.zeros(s.ns))[0]
+        out[1, :nv] = gravity - s.laws.split_generalized_force(0.0, q, rest, np.zeros(s.ns))[0]
         for i, (p, systems) in enumerate(zip(self.parameters.all, self.parameters.perturbed_systems, strict=True)):
             out[:, self.ny + i] = p.quotient({k: np.array(other.energy(q, v)) for k, other in systems.items()})
         return out

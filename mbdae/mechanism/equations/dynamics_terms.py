@@ -1,4 +1,4 @@
-"""Dynamics terms of a mechanism at a point: M, G, frames, forces of inertia and weight, energies."""
+"""Dynamics terms of a mechanism at a point: M, G, frames, bias forces (Coriolis, centrifugal, gravity), energies."""
 
 from functools import cached_property
 from typing import Any, TypeAlias
@@ -160,7 +160,7 @@ class DynamicsTerms:
         return bias(self.model, data, self.configuration(q), self.vector("v", v, self.nv)).copy()
 
     def jacobian(self: Self_, q: Array) -> Array:
-        """Return G(q) over the rows of all closures and drivers, in file order, (ng, nv).
+        """Return G(q), the rows of all closures and drivers in file order, (ng, nv).
 
         Raises:
             InputError: for a q of another length, or off the manifold.
@@ -186,7 +186,7 @@ class DynamicsTerms:
             return system.energy(np.asarray(q, float), np.asarray(v, float))
 
     def residual(self: Self_, q: Array, v: Array, t: float = 0.0) -> tuple[Array, Array]:
-        """Return g(t, q) and G(q) v + g_t(t) over all rows, (ng,) each."""
+        """Return g(t, q) and G(q) v + g_t(t) of all rows, (ng,) each."""
         with self.workspaces.borrowed() as system:
             return system.residual(t, np.asarray(q, float), np.asarray(v, float))
 

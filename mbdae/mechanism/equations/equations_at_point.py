@@ -168,7 +168,7 @@ class EquationsAtPoint:
 
     @cached_property
     def g_t(self) -> Array:
-        """Partial derivative of g in time, (ng,): minus the speeds of drivers."""
+        """Partial time derivative of g, (ng,): minus the prescribed rates of drivers."""
         return self._evaluate(lambda system: system.g_t(self.t))
 
     @property

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 TWO_PI = 2 * np.pi
 AMOUNTS = (0.7, -1.9)  # rad, characteristic lengths
-TILT = 0.3  # fraction of the characteristic speed: change of velocity at a further point of comparison
+VELOCITY_CHANGE = 0.3  # fraction of the characteristic speed: change of velocity at a further point of comparison
 
 
 class MotionPoint(NamedTuple):
@@ -77,7 +77,7 @@ def shift_units(mech: "Mechanism") -> Array:
 
 
 def is_invariant(mech: "Mechanism", point: MotionPoint, shift: Array, T: float) -> bool:
-    """Return whether equations at a point are invariant if joints are shifted back by (nv,) in rad or m, time by T."""
+    """Return whether equations at a point are invariant under shifts of joints by -shift (nv,) and of time by -T."""
     system = mech.system()
     q = system.manifold.integrate(system.split(point.y)[0], -shift)
     shifted = point._replace(t=point.t - T, y=np.concatenate([q, point.y[mech.nq :]]))
@@ -88,7 +88,7 @@ def is_invariant(mech: "Mechanism", point: MotionPoint, shift: Array, T: float) 
 
 
 class _Terms(NamedTuple):
-    """Rows and rates of rows, (ng,) each, and y' in the tangent, (ny,), with jumps of controller states added."""
+    """g and G v + g_t of all rows, (ng,) each, and y' in the tangent, (ny,), with jumps of controller states added."""
 
     g: Array
     speeds: Array
@@ -102,12 +102,12 @@ def _unit(mech: "Mechanism", name: str) -> float:
 def _with_velocities(system: Index2System, points: Sequence[MotionPoint]) -> list[MotionPoint]:
     """Return the points, and the first point with changed velocities."""
     t, y, mode = points[0]
-    mech, tilted, at = system.mechanism, y.copy(), slice(system.nq, system.nq + system.nv)
-    tilted[at] += TILT * mech.characteristic_rate * mech.coordinate_scales * np.cos(np.arange(system.nv))
+    mech, perturbed, at = system.mechanism, y.copy(), slice(system.nq, system.nq + system.nv)
+    perturbed[at] += VELOCITY_CHANGE * mech.characteristic_rate * mech.coordinate_scales * np.cos(np.arange(system.nv))
     system.enter(mode)
     try:
         system.derivative(t, y)
-        return [*points, MotionPoint(t, system.project_state(t, tilted), mode)]
+        return [*points, MotionPoint(t, system.project_state(t, perturbed), mode)]
     except StepError:
         return list(points)
 

@@ -1,9 +1,9 @@
 """Local coordinates of the manifold of consistent states of a mechanism.
 
 Let G_p be the independent position-level rows at q0, G all independent rows (in rad and characteristic lengths), and
-N, N_v orthonormal bases of the null spaces of G_p and G:
+N, N_v orthonormal bases of the null spaces of G_p and G, R one of the row space of G_p:
 
-    q = q0 (+) x,   x = N xi + G_p(q0)^T mu,  g(t, q) = 0,      [G; N_v^T] v = [-g_t; eta]
+    q = q0 (+) x,   x = N xi + R mu,  g(t, q) = 0,      [G; N_v^T] v = [-g_t; eta]
 
 Every (xi, eta) close to the origin defines a state with g = 0 and G v + g_t = 0.
 
@@ -33,14 +33,14 @@ class StatePartials(NamedTuple):
     """Partial derivatives of a state with respect to (x, t), (..., n + 1), and its displacement from the origin, (nv,).
 
     Attributes:
-        moved: the displacement.
+        displacement: displacement from the origin.
         dx: derivatives of the displacement.
         dq: derivatives of q in its tangent.
         dv: derivatives of v.
         ds: derivatives of the states of forces.
     """
 
-    moved: Array
+    displacement: Array
     dx: Array
     dq: Array
     dv: Array
@@ -138,10 +138,10 @@ class LocalCoordinates:
         """
         t = number("t", t)
         xi, eta, s = self._split(self.mechanism.vector("x", x, self.n))
-        moved, q = self._position(t, xi)
+        displacement, q = self._position(t, xi)
         G = self.system.jacobian(q)
         v = self._velocity(G, np.concatenate([-self.system.g_t(t), eta]))
-        return moved, np.concatenate([q, v, s, [0.0]]), G
+        return displacement, np.concatenate([q, v, s, [0.0]]), G
 
     def _velocity(self, G: Array, right: Array) -> Array:
         """Return v of G v = ., N_v^T v = . (in scaled velocities), from (ng + m, ...)."""
@@ -164,8 +164,9 @@ class LocalCoordinates:
         measures: the cosine of the largest angle between the null spaces of G at q and at q0, and the largest rotation
         of a joint.
         """
-        moved, _, G = self._point(t, x)
-        rotations = [float(np.linalg.norm(moved[s][angles])) for _, s, _, angles in self.system.manifold.group_joints]
+        displacement, _, G = self._point(t, x)
+        groups = self.system.manifold.group_joints
+        rotations = [float(np.linalg.norm(displacement[s][angles])) for _, s, _, angles in groups]
         N = np.linalg.svd(self._scaled(G))[2][self.mechanism.nv - self._Nv.shape[1] :].T if len(G) else self._Nv
         cosine = float(np.linalg.svd(N.T @ self._Nv, compute_uv=False).min(initial=1.0))
         rotation = max(rotations, default=0.0)
@@ -177,41 +178,41 @@ class LocalCoordinates:
         Raises:
             StepError: beyond the range of the coordinates.
         """
-        (moved, y, _), s, m, (k, f, ns) = self._point(t, x), self.system, self.mechanism, self.sizes
+        (displacement, y, _), s, m, (k, f, ns) = self._point(t, x), self.system, self.mechanism, self.sizes
         nv, rows, D = m.nv, self._positional, self._scales[:, None]
         q, v = s.split(y)
         G, B = (a.copy() for a in rate_partials(s, t, q, v, np.arange(m.ng)))
         # derivatives of x with respect to (xi, t) along the manifold; then of q in its tangent, and of v
-        along, across = self._velocities(moved, D * self._N), self._velocities(moved, D * self._across)
+        along, across = self._velocities(displacement, D * self._N), self._velocities(displacement, D * self._across)
         right = np.column_stack([G[rows] @ along, s.g_t(t)[rows]])
         dmu = _solve(G[rows] @ across, right, m.row_scales[rows])
         dx = np.column_stack([self._N, np.zeros(nv)]) - self._across @ dmu
         dx = D * np.insert(dx, [k] * (f + ns), 0.0, axis=1)
-        dq = self._velocities(moved, dx)
+        dq = self._velocities(displacement, dx)
         right = np.vstack([-B @ dq, np.eye(f, self.n + 1, k)])
         right[: m.ng, -1] += s.constraints.motion(t)[2]  # -g_tt
-        return StatePartials(moved, dx, dq, self._velocity(G, right), np.eye(ns, self.n + 1, k + f))
+        return StatePartials(displacement, dx, dq, self._velocity(G, right), np.eye(ns, self.n + 1, k + f))
 
     def coordinates_of(self, y: Array) -> Array:
         """Return x (n,) of a consistent point y = (q, v, s, w): xi = N^T (q (-) q0), eta = N_v^T v."""
         m = self.mechanism
-        moved = self.system.manifold.difference(self.q0, y[: m.nq]) / self._scales
+        displacement = self.system.manifold.difference(self.q0, y[: m.nq]) / self._scales
         return np.concatenate(
-            [self._N.T @ moved, self._Nv.T @ (y[m.nq : m.nq + m.nv] / self._scales), y[m.nq + m.nv : -1]]
+            [self._N.T @ displacement, self._Nv.T @ (y[m.nq : m.nq + m.nv] / self._scales), y[m.nq + m.nv : -1]]
         )
 
     def coordinate_tangents(self, y: Array, dy: Array) -> Array:
         """Return the tangents (n, m) of `coordinates_of` at y for tangents dy (ny, m) of the point."""
         m, nv, manifold = self.mechanism, self.mechanism.nv, self.system.manifold
-        moved, rates = manifold.difference(self.q0, y[: m.nq]), np.zeros((nv, dy.shape[1]))
+        displacement, rates = manifold.difference(self.q0, y[: m.nq]), np.zeros((nv, dy.shape[1]))
         for k, d in enumerate(dy[:nv].T):
-            rates[:, k] = manifold.tangent(moved, d)
+            rates[:, k] = manifold.tangent(displacement, d)
         D = self._scales[:, None]
         return np.vstack([self._N.T @ (rates / D), self._Nv.T @ (dy[nv : 2 * nv] / D), dy[2 * nv : -1]])
 
 
 def _row_and_null_space(G: Array) -> tuple[Array, Array]:
-    """Return orthonormal row space (nv, r) and null space (nv, nv - r) of scaled rows (ng, nv)."""
+    """Return orthonormal bases of the row space (nv, r) and the null space (nv, nv - r) of scaled rows (ng, nv)."""
     if not len(G):
         return np.empty((G.shape[1], 0)), np.eye(G.shape[1])
     _, S, Vt = np.linalg.svd(G)

@@ -30,7 +30,7 @@ from .local_coordinates import LocalCoordinates
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-UNIT = 1.0 / WIDTH  # change of an input: differences have a width of 1 in its unit, as laws are linear in inputs
+UNIT = 1.0 / WIDTH  # scale of an input, so that differences have a width of 1 in its unit: laws are linear in inputs
 
 
 class OdeJacobian(NamedTuple):
@@ -94,9 +94,9 @@ class LocalODE(LocalCoordinates):
             StepError: beyond the range of the coordinates, or where v' does not exist.
         """
         self._set(u)
-        moved, y, _ = self._point(t, x)
+        displacement, y, _ = self._point(t, x)
         nv, F = self.mechanism.nv, self.system.derivative(t, y)[0]
-        dxi = self._N.T @ (self.system.manifold.tangent(moved, F[:nv]) / self._scales)
+        dxi = self._N.T @ (self.system.manifold.tangent(displacement, F[:nv]) / self._scales)
         return np.concatenate([dxi, self._Nv.T @ (F[nv : 2 * nv] / self._scales), F[2 * nv : -1]])
 
     def restart(self, t: float, x: Array) -> "LocalODE":
@@ -130,11 +130,11 @@ class LocalODE(LocalCoordinates):
         s, nv, (k, *_), D = self.system, self.mechanism.nv, self.sizes, self._scales[:, None]
         v = s.split(y)[1]
         rate = self._sensitivity.rate(t, y, multipliers=False).rate
-        moved, dx, dq, dv, ds = self.partials(t, x)
+        displacement, dx, dq, dv, ds = self.partials(t, x)
         both = rate[:, : 2 * nv + len(ds)] @ np.vstack([dq, dv, ds])
         both[:, -1] += rate[:, -1]
-        tangent_rates = np.column_stack([s.manifold.tangent_rate(moved, d, v) for d in dx.T])
-        tangent_rates += np.column_stack([s.manifold.tangent(moved, d) for d in dv.T])
+        tangent_rates = np.column_stack([s.manifold.tangent_rate(displacement, d, v) for d in dx.T])
+        tangent_rates += np.column_stack([s.manifold.tangent(displacement, d) for d in dv.T])
         out = np.vstack([self._N.T @ (tangent_rates / D), self._Nv.T @ (both[nv : 2 * nv] / D), both[2 * nv : -1]])
         of_u = rate[:, s.ny : s.ny + len(self.u0)]
         by_u = np.vstack([np.zeros((k, len(self.u0))), self._Nv.T @ (of_u[nv : 2 * nv] / D), of_u[2 * nv : -1]])

@@ -28,9 +28,9 @@ class Bushing(Force):
 
     Attributes:
         frames: names of both frames.
-        stiffness: N/m and N m/rad, (6,).
-        damping: N s/m and N m s/rad, (6,).
-        name: for parameters, signals and messages; the kind and a number if omitted.
+        stiffness: stiffnesses in N/m and N m/rad, (6,).
+        damping: damping coefficients in N s/m and N m s/rad, (6,).
+        name: name in parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -57,7 +57,7 @@ class BushingElement(PairElement):
     """The law of `Bushing`.
 
     With theta' = J_l(theta)^-1 omega, omega the relative angular velocity in axes of the first frame, the potential
-    gives the moment -J_l(theta)^-T K theta; J_l^-T = J_r^-1, the inverse right Jacobian of exp.
+    yields the moment -J_l(theta)^-T K theta; J_l^-T = J_r^-1, the inverse right Jacobian of exp.
     """
 
     deflections = tuple((-1, axis) for axis in ("x", "y", "z", "rx", "ry", "rz"))
@@ -90,7 +90,7 @@ class BushingElement(PairElement):
         p, theta = self.relative_pose()
         Ra, pb, w = self.pair.Ra, self.pair.pb, V[3:]
         to_point = np.hstack([np.eye(3), -skew(pb)])  # V -> velocity of the point p_b
-        J_left = np.array([inverse_jacobian(-skew(theta), e) for e in np.eye(3)]).T
+        J_left_inverse = np.array([inverse_jacobian(-skew(theta), e) for e in np.eye(3)]).T
         perturbed = theta + 1j * COMPLEX_STEP * np.eye(3)
         theta_partials = [
             inverse_jacobian(X, self.kr * x).imag / COMPLEX_STEP
@@ -98,7 +98,7 @@ class BushingElement(PairElement):
         ]
         n, m = Ra @ (-self.k * p), Ra @ -inverse_jacobian(skew(theta), self.kr * theta)
         Db = moved_line_partials(pb, n[:, None])[0] - to_point.T @ (Ra * self.k) @ Ra.T @ to_point
-        Db[3:, 3:] -= Ra @ np.array(theta_partials).T @ J_left @ Ra.T
+        Db[3:, 3:] -= Ra @ np.array(theta_partials).T @ J_left_inverse @ Ra.T
         damper = (Ra * self.d) @ Ra.T
         u = -damper @ to_point @ V
         C = -to_point.T @ damper @ to_point
@@ -134,7 +134,7 @@ class BushingElement(PairElement):
 
 
 def rotation_vector(R: Array) -> Array:
-    """Return the vector theta (3,) in rad with R = exp(theta x .), accurate from 0 to 3 rad."""
+    """Return the rotation vector theta (3,) in rad of R = exp of the skew matrix of theta, accurate from 0 to 3 rad."""
     axis = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     sine = float(np.sqrt(axis @ axis))
     angle = np.arctan2(sine, 0.5 * (np.trace(R) - 1))

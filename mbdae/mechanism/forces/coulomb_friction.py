@@ -28,7 +28,7 @@ class CoulombFriction(Force):
         static: mu while sticking, at least ``coefficient``, which is the default.
         exact: whether a rolling body sticks, with all no-slip rows, while its friction is at most mu_s N, and slides
             otherwise; true if ``static`` is given. For closures of kind rolling, which otherwise never slide.
-        name: for parameters, signals and messages; the kind and a number if omitted.
+        name: name in parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected; when a mechanism is created,
@@ -59,7 +59,7 @@ class CoulombFriction(Force):
 
     @property
     def width(self) -> float:
-        """Speed at which regularized friction reaches 76 % of its value."""
+        """Regularization width: the speed at which regularized friction reaches 76 % of its value, tanh 1."""
         return self.velocity or DEFAULT_VELOCITY
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:

@@ -18,13 +18,13 @@ class DCMotor(Force):
 
     Attributes:
         joint: a joint with one velocity.
-        voltage: V, a constant or a function of time.
-        resistance: ohm.
-        inductance: H.
-        constant: torque per current in N m/A, the same as voltage per speed in V s/rad.
-        gear: rotor angle per joint angle.
+        voltage: voltage in V, a constant or a function of time.
+        resistance: resistance in ohm.
+        inductance: inductance in H.
+        constant: motor constant, torque per current in N m/A, equal to voltage per speed in V s/rad.
+        gear: gear ratio, rotor angle per joint angle.
         current: initial current in A.
-        name: for parameters, signals and messages; the kind and a number if omitted.
+        name: name in parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

@@ -28,8 +28,8 @@ class ForceElements:
 
     Attributes:
         names: names of the laws.
-        bound: the laws.
-        acting: the laws, with all linear laws combined into one.
+        bound: the laws, each with the slice of its states in s.
+        acting: the same, with all linear laws combined into one.
         ns: number of states.
         time_dependent: the laws that depend on time, including sampled laws.
     """
@@ -79,11 +79,11 @@ class ForceElements:
 
     def generalized_force(self, t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:
         """Return tau (nv,), and s' and the power of non-conservative forces, (ns + 1,)."""
-        conservative, other, rates = self.split_torque(t, q, v, s)
+        conservative, other, rates = self.split_generalized_force(t, q, v, s)
         rates[-1] = other.dot(v)
         return conservative + other, rates
 
-    def split_torque(self, t: float, q: Array, v: Array, s: Array) -> tuple[ArrayOrZero, Array, Array]:
+    def split_generalized_force(self, t: float, q: Array, v: Array, s: Array) -> tuple[ArrayOrZero, Array, Array]:
         """Return the conservative and the non-conservative part of tau, (nv,) each, and s' and a zero, (ns + 1,).
 
         Raises:
@@ -130,7 +130,7 @@ class ForceElements:
         return out
 
     def potential(self, q: Array) -> float:
-        """Potential energy in J; kinematics must be current at q."""
+        """Return the potential energy in J; kinematics must be current at q."""
         return sum(law.potential(q) for law, _ in self.acting)
 
     def nonsmooth_times(self) -> list[float]:

@@ -36,7 +36,7 @@ class FMU(Force):
 
         x_k+1 = F(x_k, u_k),   tau_k = H(x_k, u_k),   u_k = signals at t_k,   tau = tau_k for t_k <= t < t_k+1
 
-    At each instant t_k = offset + k step the FMU steps from t_k-1 to t_k with its inputs held, takes the signals of
+    At each instant t_k = offset + k step the FMU steps from t_k-1 to t_k with its inputs held, samples the signals of
     the mechanism, and its outputs act on the joints until the next instant. It starts at the first instant of a run;
     before that, its outputs are zero and inputs have their start values. Its units are converted to and from SI units.
     Runs go forwards only and are not differentiable; a run can continue another one if the FMU can save its state.
@@ -47,14 +47,14 @@ class FMU(Force):
     Attributes:
         file: the FMU, ``"motor.fmu"``, within the folder of the mechanism file.
         step: communication step in s.
-        inputs: its inputs, each a signal of the mechanism (`mbdae.Solution.signals`) or a constant number in SI units,
-            also in files with other units.
-        outputs: its outputs, each acting on a joint of one velocity, or on a velocity ``"ball.wx"`` of another one,
-            in N m or N, or setting an input of the mechanism, in its unit.
-        parameters: its parameters and other values before the start, in its own units.
-        offset: an instant in s.
+        inputs: inputs of the FMU, each a signal of the mechanism (`mbdae.Solution.signals`) or a constant number in SI
+            units, also in files with other units.
+        outputs: outputs of the FMU, each acting on a joint of one velocity, or on a velocity ``"ball.wx"`` of another
+            one, in N m or N, or setting an input of the mechanism, in its unit.
+        parameters: parameters of the FMU and other values set before the start, in the units of the FMU.
+        offset: a communication instant in s.
         recorded: whether it belongs to a saved run, which contains the outputs of the FMU but does not run it.
-        name: for parameters, signals and messages; the kind and a number if omitted.
+        name: name in parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value; when a mechanism is created, for a missing file, a file that
@@ -184,7 +184,7 @@ def with_fmu_paths(forces: Sequence[Any], path: Path) -> tuple[Any, ...]:
 
 
 class FmuElement(SampledElement):
-    """The law of `FMU`: s = (torques (m,), inputs that it sets, the last instant, the number of its state).
+    """The law of `FMU`: s = (torques (m,), inputs that it sets, the last instant, the number of its saved state).
 
     The instant, and a rate after each value, are states only for inputs with a first-order hold. See
     `mbdae.mechanism.fmu.session` for the number.

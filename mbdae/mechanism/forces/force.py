@@ -50,7 +50,7 @@ class ForceElement:
     """A force bound to a workspace whose kinematics must be current at q when it is called.
 
     Args:
-        name: for messages.
+        name: name in messages.
         signals: the functions of time that the law depends on.
         states: names and initial values of its ns states.
     """
@@ -86,14 +86,14 @@ class ForceElement:
         return 0.0
 
     def potential(self, q: Array) -> float:
-        """Potential energy in J."""
+        """Return the potential energy in J."""
         return 0.0
 
     def direction_undefined(self) -> bool:
         """Return whether the line of action is undefined, between coincident points; kinematics must be current."""
         return False
 
-    tension = False  # the force acts along the line between two points
+    tension = False  # whether the force is a tension along the line between two points
     reversing_pair: Pair | None = None  # frames: the force reverses its direction where their origins pass each other
     finite_differences = False  # whether the partial derivatives are finite differences
     depends_on_state_only = True  # on (t, q, v, s), not on multipliers and modes
@@ -117,7 +117,7 @@ class ForceElement:
         return s[at]
 
     def has_jumped(self, t: float, late: float) -> bool:
-        """Return whether the jump that counts as one at t is more than ``late`` units of rounding before t."""
+        """Return whether the nearest instant of a jump is more than ``late`` units of rounding before t."""
         return False
 
     external = False  # an external program computes a state of the law besides s
@@ -201,7 +201,7 @@ class Force(Table):
     """Base of forces that can be described in a file.
 
     Attributes:
-        name: the kind and a number if omitted.
+        name: name of the force; the kind and a number if omitted.
     """
 
     kind: str

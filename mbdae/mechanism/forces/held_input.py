@@ -7,7 +7,7 @@ from .force import Array, CoreData
 
 
 class HeldInput(NamedTuple):
-    """An input that an output of an FMU sets; the states s of the law contain its setting, t_k as the last but one.
+    """An input that an output of an FMU sets; the states s of the law contain its setting, t_k second to last.
 
     Attributes:
         input: the input.
@@ -26,7 +26,7 @@ class HeldInput(NamedTuple):
         return InputSetting(float(s[-2]), float(s[self.value]), float(s[self.rate]))
 
     def set_output(self, output: float, t: float, step: float, before: Array, after: Array) -> None:
-        """Set the input to an output: at once, or linearly by the end of a step that begins at t in s."""
+        """Set the input to an output: at once, or linearly until the end of the step that begins at t."""
         if self.rate is None:
             after[self.value] = output
         else:

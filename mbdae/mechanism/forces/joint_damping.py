@@ -17,8 +17,8 @@ class JointDamping(Force):
 
     Attributes:
         joint: one joint or several.
-        damping: N m s/rad or N s/m.
-        name: for parameters, signals and messages; the kind and a number if omitted.
+        damping: damping coefficient in N m s/rad or N s/m.
+        name: name in parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -37,5 +37,5 @@ class JointDamping(Force):
 
 
 def damping_law(name: str, d: Array) -> LinearElement:
-    """Tau = -d * v with d (nv,)."""
+    """Return the law tau = -d * v with damping coefficients d (nv,)."""
     return LinearElement(name, [("tau", i, "v", i, -float(d[i])) for i in np.flatnonzero(d).tolist()])

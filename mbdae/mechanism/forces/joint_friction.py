@@ -23,8 +23,8 @@ class StictionJoint(NamedTuple):
     Attributes:
         joint: name of the joint.
         force: name of the friction force.
-        kinetic: friction while slipping, in N m or N.
-        static: largest friction while sticking.
+        kinetic: kinetic friction torque or force, while the joint slips, in N m or N.
+        static: largest friction torque or force while the joint sticks, in N m or N.
     """
 
     joint: str
@@ -44,13 +44,13 @@ class JointFriction(Force):
 
     Attributes:
         joint: one joint or several; all joints but modes of flexible bodies if omitted.
-        friction: N m or N; if omitted, the values of the imported model for each coordinate, URDF
+        friction: kinetic friction in N m or N; if omitted, the values of the imported model for each coordinate, URDF
             ``<dynamics friction>`` and MJCF ``frictionloss``.
         velocity: speed at which regularized friction reaches 76 % of its value, in rad/s or m/s; 0.01 if omitted. The
             time constant of the problem, inertia * velocity / friction, decreases with it.
         static: largest friction of a sticking joint, in N m or N, at least ``friction``, which is the default.
         exact: whether the joint can stick; true if ``static`` is given.
-        name: for parameters, signals and messages; the kind and a number if omitted.
+        name: name in parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

@@ -15,7 +15,7 @@ class JointElement(ForceElement):
     """A law tau_i = F(q_i, v_i) that acts on single coordinates, without states.
 
     Args:
-        name: for messages.
+        name: name in messages.
         rows: velocity indices i, (k,).
         columns: indices of q_i, (k,); empty for a law of v alone.
     """

@@ -21,14 +21,14 @@ class JointPID(Force):
 
     Attributes:
         joint: a joint of one coordinate.
-        reference: rad, m, rad/s or m/s; a constant or a function of time.
+        reference: set point in rad, m, rad/s or m/s, a constant or a function of time.
         kp: proportional gain.
         ki: integral gain.
         kd: derivative gain.
         controls: ``"position"`` or ``"velocity"``.
         rate: sampling rate in Hz; continuous if omitted.
         integral: initial value of s.
-        name: for parameters, signals and messages; the kind and a number if omitted.
+        name: name in parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

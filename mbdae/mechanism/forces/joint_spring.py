@@ -27,14 +27,14 @@ class JointSpring(Force):
     """A spring and damper on joints of one coordinate: tau = -c(q - rest) - damping * v.
 
     Attributes:
-        joint: one joint or several; not a continuous joint, whose angle is known only up to full turns.
-        stiffness: c(x) = stiffness * x, in N m/rad or N/m.
+        joint: one joint or several; not a continuous joint, whose angle is known only up to full revolutions.
+        stiffness: stiffness in N m/rad or N/m, c(x) = stiffness * x.
         table: points (deflection, restoring torque) of a nonlinear c instead, deflections increasing; linear
             extrapolation beyond its ends. The potential is the exact integral.
-        interpolation: of the points: ``"spline"`` (natural cubic) or ``"monotone"`` (cubic without overshoot).
+        interpolation: kind of curve: ``"spline"`` (natural cubic) or ``"monotone"`` (cubic without overshoot).
         rest: rest position in rad or m.
-        damping: N m s/rad or N s/m, in addition to that of the joint.
-        name: for parameters, signals and messages; the kind and a number if omitted.
+        damping: damping coefficient in N m s/rad or N s/m, in addition to that of the joint.
+        name: name in parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -100,5 +100,5 @@ class CurveElement(JointElement):
 
     def core_data(self) -> CoreData:
         signals = [PiecewisePolynomial.from_ppoly(x).core_data() for x in (self.curve, self.integral)]
-        numbers = {"rows": self.rows, "columns": self.columns, "a": [self.rest, self.damping]}
-        return {"kind": "curve", **numbers, "signals": signals}
+        indices = {"rows": self.rows, "columns": self.columns, "a": [self.rest, self.damping]}
+        return {"kind": "curve", **indices, "signals": signals}

@@ -23,7 +23,7 @@ class JointTorque(Force):
         torque: one constant or function of time, or nv of them.
         gear: common factor of the torques.
         bias: b_0, b_1, b_2 of a joint of one coordinate, in N m or N; per rad or m; per rad/s or m/s.
-        name: for parameters, signals and messages; the kind and a number if omitted.
+        name: name in parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

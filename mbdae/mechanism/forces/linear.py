@@ -35,7 +35,7 @@ class LinearElement(ForceElement):
     """A linear force law; the work of all terms except springs is integrated.
 
     Args:
-        name: for messages.
+        name: name in messages.
         terms: the entries of C.
         springs: springs in joints.
         signals: u, functions of time.

@@ -34,7 +34,7 @@ class Sampled(PythonForce):
 
     Args:
         function: returns tau (m,), one value for each coordinate of the joints, and the next memory (n,) if it has one.
-        rate: samples per second in Hz.
+        rate: sampling rate in Hz.
         joints: names of the actuated joints; all if omitted.
         memory: names and initial values of the discrete states; none if omitted.
         offset: a sampling instant in s.
@@ -94,7 +94,7 @@ class SampledElement(LinearElement):
         torque_names: names of the torques by the index of their velocity.
         memory: names and initial values.
         core: core data of the controller; the core calls Python if omitted.
-        references: functions of time that it takes at the instants.
+        references: functions of time that it evaluates at the sampling instants.
     """
 
     def __init__(

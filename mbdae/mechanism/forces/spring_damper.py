@@ -17,15 +17,15 @@ from .force import Array, ArrayOrZero, CoreData, Force, ForceElement, PairElemen
 class SpringDamper(Force):
     """A spring, damper and actuator between the origins of two frames.
 
-    The tension is stiffness (d - length) + damping d' - force, with d the distance of the origins in m.
+    The tension is stiffness (d - length) + damping d' - force, with d the distance between the origins in m.
 
     Attributes:
         frames: names of both frames.
-        stiffness: N/m.
-        damping: N s/m.
+        stiffness: stiffness in N/m.
+        damping: damping coefficient in N s/m.
         length: rest length in m.
-        force: N, a constant or a function of time; it pushes the frames apart.
-        name: for parameters, signals and messages; the kind and a number if omitted.
+        force: actuator force in N, a constant or a function of time; if positive, it pushes the frames apart.
+        name: name in parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

@@ -19,11 +19,11 @@ class Wrench(Force):
     """A force at the origin of a frame and a torque, constants or functions of time: tau = J^T [force; torque].
 
     Attributes:
-        frame: the loaded frame.
+        frame: frame on which the force and the torque act.
         force: components of the force in N, (3,).
         torque: components of the torque in N m, (3,).
         axes: axes of the components: ``"world"``, or ``"frame"`` for axes that rotate with the frame.
-        name: for parameters, signals and messages; the kind and a number if omitted.
+        name: name in parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.
@@ -60,7 +60,7 @@ class WrenchElement(PairElement):
         return np.concatenate([n, m + skew(self.pair.pb) @ n])
 
     def vectors(self, t: float, *, derivative: bool = False) -> tuple[Array, Array]:
-        """Return force and torque in the axes of the world, or their partial derivatives in time, (3,) each."""
+        """Return force and torque in the axes of the world, or their partial time derivatives, (3,) each."""
         vectors = (self.spec.force, self.spec.torque)
         n, m = (np.array([s.derivative(t) if derivative else s.at(t) for s in vector]) for vector in vectors)
         return (self.pair.Rb @ n, self.pair.Rb @ m) if self.spec.axes == "frame" else (n, m)

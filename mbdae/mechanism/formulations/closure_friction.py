@@ -116,7 +116,7 @@ class ClosureFriction:
         return [k for k, p in enumerate(self.interfaces) if p.closure.name == name and not p.force.is_exact]
 
     def wrench(self, name: str, v: Array, lam: Array) -> Array:
-        """Return the regularized friction wrench of a closure on its second frame, at the world's origin, (6,).
+        """Return the regularized friction wrench of a closure on its second frame, about the world's origin, (6,).
 
         Args:
             name: name of the closure.
@@ -153,7 +153,7 @@ class ClosureFriction:
         self.constraints.update_wrenches([self.interfaces[k].closure.name for k in which])
         for k in which:
             slip, size = self.interfaces[k].no_slip_velocity(v, self.constraints.W)
-            if self.is_clear(size) and slip @ self.directions[k] < 0:
+            if self.is_resolved(size) and slip @ self.directions[k] < 0:
                 self.directions[k][:] = slip / size
 
     def update_slip_directions(self, v: Array) -> bool:
@@ -162,12 +162,12 @@ class ClosureFriction:
         for k in np.flatnonzero(self.active).tolist():
             if (p := self.interfaces[k]).force.is_exact:
                 slip, size = p.no_slip_velocity(v, self.constraints.W)
-                moving &= self.is_clear(size)
-                self.directions[k][:] = slip / size if self.is_clear(size) else self.directions[k]
+                moving &= self.is_resolved(size)
+                self.directions[k][:] = slip / size if self.is_resolved(size) else self.directions[k]
         return moving
 
-    def is_clear(self, speed: float) -> bool:
-        """Return whether the speed of a slip exceeds rounding and the errors of the run."""
+    def is_resolved(self, speed: float) -> bool:
+        """Return whether the slip direction is resolved: the slip speed exceeds rounding and the errors of the run."""
         return speed > CLEAR_SLIP * self.min_slip_speed
 
     def with_sliding_friction(self, v: Array, lam: Array) -> Array:

@@ -166,7 +166,7 @@ class CompiledSystem(CoreStart):
         return g, rates, energies
 
     def closure_residual(self, q: Array, v: Array, t: float) -> tuple[Array, Array]:
-        """Return g(t, q) and G v + g_t over all rows, (ng,) each; kinematics in Python are not updated."""
+        """Return g(t, q) and G v + g_t of all rows, (ng,) each; kinematics in Python are not updated."""
         y = np.concatenate([q, v, np.zeros(self.ns + 1)])
         g, rates, _, unknown = self.core.residuals(np.array([t], float), y[None])
         return self.residual(t, q, v) if unknown else (g[0], rates[0])

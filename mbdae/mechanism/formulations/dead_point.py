@@ -13,7 +13,7 @@ from ..closures.independent_rows import mass_scaled
 if TYPE_CHECKING:
     from .index2 import Index2System
 
-REMAINING = 0.5  # largest fraction of the smallest singular value at an extrapolated dead point, where it is zero
+REMAINING = 0.5  # largest fraction of the smallest singular value that may remain at an extrapolated dead point
 
 
 def require_no_dead_point(system: "Index2System", t: float, y: Array, sign: float, step: float) -> None:
@@ -21,9 +21,9 @@ def require_no_dead_point(system: "Index2System", t: float, y: Array, sign: floa
 
     Where the rows of closures and drivers lose rank, with w^T G = 0 and w^T g_t != 0, no velocity satisfies
     G v + g_t = 0. With the singular value decomposition of the rows in use, G M^-1/2 = sum sigma w n^T, the component
-    of the smallest sigma is x = -w^T g_t / sigma, its rate a = -w^T gamma / sigma. Before the dead point at t*,
-    x = c (t* - t)^-1/2, so that t* - t = x / (2 a), and the remaining motion along n is x^2 / a. Where closures lose
-    rank without a driver, w^T g_t is zero, up to rounding.
+    of M^1/2 v along n for the smallest sigma is x = -w^T g_t / sigma, its rate a = -w^T gamma / sigma. Before the dead
+    point at t*, x = c (t* - t)^-1/2, so that t* - t = x / (2 a), and the remaining motion along n is x^2 / a. Where
+    closures lose rank without a driver, w^T g_t is zero, up to rounding.
 
     Args:
         system: a workspace, with drivers.

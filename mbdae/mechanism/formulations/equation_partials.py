@@ -78,7 +78,7 @@ def rate_partials(s: "Index2System", t: float, q: Array, v: Array, rows: Array) 
 
 
 def gamma_partials(s: "Index2System", q: Array, v: Array) -> tuple[Array, Array]:
-    """Return the partial derivatives of gamma with respect to q and v, over all rows, (ng, nv) each.
+    """Return the partial derivatives of gamma of all rows with respect to q and v, (ng, nv) each.
 
     With flexible bodies they are differences of gamma: sixth-order in q, to 1e-12; exact in v, as gamma is quadratic.
     """

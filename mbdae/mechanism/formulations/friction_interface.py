@@ -24,7 +24,7 @@ MIN_COSINE = 0.7  # cosine of the rotation of a slip direction within one step: 
 
 
 def smallest_slip(mechanism: "Mechanism", rtol: float) -> float:
-    """Return the speed in m/s below which the slip direction is undefined in a run with this tolerance, 0 if exact.
+    """Return the speed in m/s below which the slip direction is undefined in a run with rtol, 0 for one point.
 
     A slip in two directions rotates towards the other forces at the rate F / (m |v|) before it comes to rest. Error
     control does not resolve this rotation where |v| is as small as the errors.

@@ -41,7 +41,7 @@ class GGLSystem(Index2System):
     def __init__(self, mechanism: "Mechanism", **core: ModuleType) -> None:
         super().__init__(mechanism, **core)
         self.nz = 2 * self.ng
-        self.velocity_correction = np.zeros(self.nv)  # M^-1 G^T mu at the last stage
+        self.velocity_correction = np.zeros(self.nv)  # M^-1 G_p^T mu at the last stage
         self.positional_rows = np.flatnonzero(mechanism.positional)
         self.position_rank: int | None = None  # rank of the position rows
 
@@ -88,18 +88,18 @@ class GGLSystem(Index2System):
         return state
 
     def derivative(self, t: float, y: Array, guess: Array | None = None) -> tuple[Array, Array]:
-        """Return (v, v', w') and (lam, mu = 0), (2 ng,), from the hidden constraint."""
+        """Return (v, v', s', w') and (lam, mu = 0), (2 ng,), from the hidden constraint."""
         F, lam = super().derivative(t, y)
         self.velocity_correction = np.zeros(self.nv)
         return F, np.concatenate([lam, np.zeros(self.ng)])
 
     def carry(self, F: Array, z: Array) -> Array:
-        """Return (M^-1 G^T mu, v', w')."""
+        """Return (M^-1 G_p^T mu, v', s', w'), (2 nv + ns + 1,)."""
         return np.concatenate([self.velocity_correction, F[self.nv :]])
 
 
 class GGLChart(Index2Chart):
-    """Step of a mechanism in coordinates (x, v, w) with x' = J(x) (v + M^-1 G^T mu)."""
+    """Step of a mechanism in coordinates (x, v, s, w) with x' = J(x) (v + M^-1 G_p^T mu)."""
 
     system: GGLSystem
 
@@ -112,7 +112,7 @@ class GGLChart(Index2Chart):
         return (*super().unknowns, *self.position_rows.tolist())
 
     def first(self, carry: Array) -> tuple[Array, Array]:
-        """Return the first stage from `carry` (nv + nv,): x' = v + M^-1 G^T mu, and v'."""
+        """Return the first stage (x', v', s', w') from `carry`, x' = v + M^-1 G_p^T mu, and no multipliers."""
         nv = self.system.nv
         return np.concatenate([self.v + carry[:nv], carry[nv:]]), np.empty(0)
 
@@ -159,12 +159,12 @@ class GGLChart(Index2Chart):
             raise StepError("rank", f"{violation.message()} at t = {t:.17g}: {why}{remark}")
 
     def start(self) -> tuple[Array, Array]:
-        """Return (v, v', w') and (lam, mu = 0) of the rows in use and of the independent position rows, (r + k,)."""
+        """Return (v, v', s', w') and (lam, mu = 0) of the rows in use and the independent position rows, (r + k,)."""
         F, lam = super().start()
         return F, np.concatenate([lam, np.zeros(len(self.position_rows))])
 
     def residual(self, t: float, x: Array, dx: Array, z: Array) -> tuple[Array, Array]:
-        """Return J(x) (v + M^-1 G^T mu) - x' and the other residuals, (2 nv + 1,), and (-G v, -g), (r + k,)."""
+        """Return J(x) (v + M^-1 G_p^T mu) - x' and the other residuals, and (-G v - g_t, -g), (r + k,)."""
         s, nv, r = self.system, self.system.nv, len(self.rows)
         rest, c = super().residual(t, x, dx, z[:r])
         U = s.inertia(t, s.manifold.integrate(self.q, x[:nv]))
@@ -188,13 +188,13 @@ class GGLChart(Index2Chart):
         return y, np.concatenate([lam, s.all_position_multipliers(s._last[0], G, self.position_rows, z[r:])])
 
     def all_multipliers(self, z: Array) -> Array:
-        """Multipliers (lam, mu) of all rows at the last stage's configuration, (2 ng,)."""
+        """Return the multipliers (lam, mu) of all rows at the last stage's configuration, (2 ng,)."""
         s = self.system
         mu = s.all_position_multipliers(*s._last, self.position_rows, self.mu)
         return np.concatenate([super().all_multipliers(z), mu])
 
     def project(self, e: Array) -> Array:
-        """Project positions and velocities in the mass metric on G x = 0, G v = 0 at the last stage's configuration."""
+        """Project x and v onto G x = 0, G v = 0 in the mass metric, at the configuration of the last stage."""
         s, m, nv = self.system, self.system.manifold, self.system.nv
         e = super().project(e)
         if len(self.position_rows):

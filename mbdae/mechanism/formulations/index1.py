@@ -27,7 +27,7 @@ class Index1System(Index2System):
     Args:
         mechanism: the mechanism.
         baumgarte: alpha and beta in 1/s; zeros for none.
-        core: see `mbdae.mechanism.formulations.compiled_systems`.
+        core: the compiled core, see `mbdae.mechanism.formulations.compiled_systems`.
 
     Raises:
         InputError: unless baumgarte is two numbers that are not negative.
@@ -46,7 +46,7 @@ class Index1System(Index2System):
         super().__init__(mechanism, **core)
 
     def gamma(self, q: Array, v: Array, t: float | None = None) -> Array:
-        """Return gamma + 2 alpha (G v + g_t) + beta^2 g over all rows, (ng,); kinematics must be current at q."""
+        """Return gamma + 2 alpha (G v + g_t) + beta^2 g of all rows, (ng,); kinematics must be current at q."""
         gamma = super().gamma(q, v, t)
         if not (self.alpha or self.beta):
             return gamma
@@ -86,5 +86,5 @@ class Index1Chart(Index2Chart):
         return np.concatenate([s.manifold.tangent(x[:nv], F[:nv]), F[nv:]]), lam
 
     def all_multipliers(self, z: Array) -> Array:
-        """Multipliers of the last stage, at the end of the step, which are those of all rows."""
+        """Return the multipliers of the last stage, at the end of the step, which are those of all rows."""
         return z

@@ -1,7 +1,7 @@
 """Index-2 descriptor form of a mechanism, bound to a workspace.
 
 q' = v,   M(q) v' = f(t, q, v, s) + G(q)^T lam,   0 = G(q) v + g_t(t),   s' = h(t, q, v, s),   w' = power of the
-non-conservative forces and, -lam . g_t, of the drivers; s are the states of actuators and controllers
+non-conservative forces and, -lam . g_t, of the drivers; s are the states of actuators and controllers.
 """
 
 from math import inf, isfinite
@@ -62,7 +62,7 @@ class Index2System(PinocchioData, RunVariables, System):
         self.reset()
 
     def closures(self, q: Array | None = None, t: float | None = None) -> tuple[Array, Array]:
-        """Return g(t, q) (ng,) and G (ng, nv) over all rows.
+        """Return g(t, q) (ng,) and G (ng, nv) of all rows.
 
         Without q kinematics must be current; without t, g of driven rows is nan.
         """
@@ -70,7 +70,7 @@ class Index2System(PinocchioData, RunVariables, System):
         return self.constraints.value(t)
 
     def jacobian(self, q: Array | None = None) -> Array:
-        """Return G (ng, nv) over all rows; without q kinematics must be current."""
+        """Return G (ng, nv) of all rows; without q kinematics must be current."""
         self.update_rows(q)
         return self.constraints.jacobian()
 
@@ -81,11 +81,11 @@ class Index2System(PinocchioData, RunVariables, System):
             tree.update_poses(self.model, self.workspace, q)
 
     def g_t(self, t: float) -> Array:
-        """Return g_t over all rows, (ng,); zero for closures, -u' for drivers."""
+        """Return g_t of all rows, (ng,); zero for closures, -u' for drivers."""
         return -self.constraints.motion(t)[1]
 
     def gamma(self, q: Array, v: Array, t: float | None = None) -> Array:
-        """Return gamma = Gdot v + g_tt over all rows, (ng,); without t, it is nan for driven rows."""
+        """Return gamma = Gdot v + g_tt of all rows, (ng,); without t, it is nan for driven rows."""
         tree.update_motions(self.model, self.workspace, q, v, np.zeros(self.nv))
         return self.constraints.bias(v) - self.constraints.motion(t)[2]
 

@@ -96,7 +96,7 @@ class InertialForces:
 
         YJ, BTJ = times(Y, J), times(B.transpose(0, 2, 1), J)
         FJ = times(np.array([wrench_matrix(wrench) for wrench in F]), J)
-        before, strictly_before = self.order, self.order & ~self.order.T  # m <= k, m < k
+        before, strictly_before = self.precedes, self.precedes & ~self.precedes.T  # m <= k, m < k
         dq = before * J.T.dot(times(B, dV) + times(Y, dA)) + strictly_before * J.T.dot(FJ)
         dq += (strictly_before * (dA.T.dot(YJ) + dV.T.dot(BTJ))).T
         dv = before * J.T.dot(times(B, J) + times(Y, dA_v)) + (strictly_before * (dA_v.T.dot(YJ) + J.T.dot(BTJ))).T
@@ -104,7 +104,7 @@ class InertialForces:
         return before * JYJ + (strictly_before * JYJ).T + np.diag(model.armature), dq, dv
 
     @cached_property
-    def order(self) -> Array:
+    def precedes(self) -> Array:
         """True where the joint of row m is the joint of column k or an ancestor of it, (nv, nv)."""
         joint = np.repeat(np.arange(self.model.njoints), self.model.nvs)
         out = np.zeros((self.model.njoints, self.model.njoints), bool)

@@ -14,19 +14,19 @@ if TYPE_CHECKING:
 
 
 def sparse_closures(system: "Index2System", q: Array, t: float) -> tuple[Array, "csr_array"]:
-    """Return g(t, q) (ng,) and sparse G (ng, nv) over all rows."""
+    """Return g(t, q) (ng,) and sparse G (ng, nv) of all rows."""
     system.update_rows(q)
     G = system.constraints.sparse_jacobian()
     return system.constraints.residual(t), G
 
 
 def closures_dense_or_sparse(system: "Index2System", q: Array, t: float) -> "tuple[Array, Array | csr_array]":
-    """Return g(t, q) (ng,) and G (ng, nv) over all rows, sparse if there are many."""
+    """Return g(t, q) (ng,) and G (ng, nv) of all rows, sparse if there are many."""
     return system.sparse_closures(q, t) if system.ng > MANY_ROWS else system.closures(q, t)
 
 
 def residual(system: "Index2System", t: float, q: Array, v: Array) -> tuple[Array, Array]:
-    """Return g(t, q) and G v + g_t over all rows, (ng,) each."""
+    """Return g(t, q) and G v + g_t of all rows, (ng,) each."""
     g, G = closures_dense_or_sparse(system, q, t)
     return g, G @ v + system.g_t(t)
 

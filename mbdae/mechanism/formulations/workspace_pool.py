@@ -76,7 +76,7 @@ class WorkspacePool:
         return WorkspacePool(mechanism, self.idle)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave idle workspaces out of a pickled or copied mechanism."""
+        """Omit idle workspaces from a pickled or copied mechanism."""
         return self.__dict__ | {"idle": defaultdict(list)}
 
     def acquire(

@@ -161,7 +161,7 @@ class _ActiveSet:
         if not len(rows):
             return lam, rates, scale
         bounds = np.array([c.lower for c in candidates]), np.array([c.upper for c in candidates])
-        B, Q = self._mass_metric(base)
+        B, Q = self._mass_scaled_rows(base)
         C = project_out(Q, B[:, rows])
         C[:, np.linalg.norm(C, axis=0) <= TRUNCATION * np.linalg.norm(B[:, rows], axis=0)] = 0.0  # dependent rows
         lam[rows] = self._multipliers(C, rates[rows], *bounds)
@@ -185,8 +185,8 @@ class _ActiveSet:
         system.enter(before)
         return point.G @ F[system.nv : 2 * system.nv] + point.gamma
 
-    def _mass_metric(self, base: "Mode") -> tuple[Array, Array]:
-        """Return M^-1/2 G^T (nv, ng), and an orthonormal basis of its columns of active rows, (nv, r)."""
+    def _mass_scaled_rows(self, base: "Mode") -> tuple[Array, Array]:
+        """Return M^-1/2 G^T (nv, ng), and an orthonormal basis of the span of its active columns, (nv, r)."""
         point = self.point
         B = mass_scaled(point.system.inertia(point.t, point.q), point.G)
         switched = {row for s, state in zip(self.switches, base, strict=True) for row in s.active_rows(state)}

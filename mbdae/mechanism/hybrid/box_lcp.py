@@ -1,6 +1,6 @@
 """Active-set selection: Gauss's principle of least constraint over a box of multipliers.
 
-    minimize  lam W lam/2 + lam c,   lower <= lam <= upper,   W = S A S^T,  c = S a + gamma_S
+    minimize  lam^T W lam/2 + lam^T c,   lower <= lam <= upper,   W = S A S^T,  c = S a + gamma_S
 
 S are the rows that may become active, a the accelerations without them, A = M^-1 projected onto the null space of the
 active rows. Rows with a multiplier between its bounds do not accelerate; rows at a bound accelerate with the sign that
@@ -61,7 +61,7 @@ def _solve_two_rows(w: float, b: list[float], lower: list[float], upper: list[fl
 
 
 def _solve_contradicting_rows(A: Array, c: Array, lower: Array, upper: Array) -> Array:
-    """Minimize |A x|^2/2 + c x over a box by active sets, where c has a component in the null space of A.
+    """Minimize |A x|^2/2 + c . x over a box by active sets, where c has a component in the null space of A.
 
     Source: J. Nocedal, S. J. Wright, Numerical Optimization (2006), algorithm 16.3.
     """

@@ -1,6 +1,6 @@
 """Multipliers with Coulomb friction: tangential multipliers are bounded by the normal multiplier of the contact.
 
-    minimize  |C x|^2/2 + c x,   lower <= x <= upper,   |x_t| <= mu |x_n|,   or x_t = d |x_n| for sliding contacts
+    minimize  |C x|^2/2 + c . x,   lower <= x <= upper,   |x_t| <= mu |x_n|,   or x_t = d |x_n| for sliding contacts
 
 With fixed bounds mu |x_n| the problem in x is convex; a fixed-point iteration updates the bounds from the normal
 multipliers, with relaxation if it cycles. It contracts where mu |W_tn| < W_nn for all contacts together; otherwise

@@ -69,13 +69,13 @@ def resolve_impact(
         unswitched: indices of the rows without a switch.
         recent: indices of the switches with a recent impact. If only these contacts approach, all active contacts come
             to rest together, so that none reopens another; otherwise e = 0 for them.
-        resting: indices of the switches of contacts that are brought to rest although they open.
+        resting: indices of the switches of contacts that are brought to rest although they separate.
 
     Raises:
         StepError: if the impact has no solution.
     """
     problem = _ImpactProblem(point, unswitched)
-    problem.close_slowly_opening(resting)
+    problem.stop_slow_separation(resting)
     impact = problem.solve(recent)
     if impact is None:
         return point.y, None
@@ -145,8 +145,8 @@ class _ImpactProblem:
         self.bilateral += [s.row for _, s in resting]
         self.not_separating = [x for x in self.not_separating if x not in resting]
 
-    def close_slowly_opening(self, resting: Collection[int]) -> None:
-        """Bring to rest the contacts that open so slowly that their gaps would remain below rounding."""
+    def stop_slow_separation(self, resting: Collection[int]) -> None:
+        """Bring to rest the contacts that separate so slowly that their gaps would remain below rounding."""
         rows = [s.row for i, s in (*self.separating, *self.conditional) if i in resting]
         self.bilateral, self.violated = [*self.bilateral, *rows], [*self.violated, *rows]
         self.separating = [x for x in self.separating if x[0] not in resting]

@@ -1,12 +1,12 @@
 """Impacts: velocity jumps at contacts that satisfy all other closures.
 
-    v+ = v- + M^-1 (G^T P + U^T p),   G v+ + b = 0,   0 <= p  _|_  U v+ + e U v- >= 0
+    v+ = v- + M^-1 (G^T P + N^T p),   G v+ + b = 0,   0 <= p  _|_  (N v+ + c) + e (N v- + c) >= 0
 
-Newton's impact law for the approaching contact rows U and the bilateral rows G. v+ is the point closest to v- in the
-mass metric with G v+ + b = 0 and U v+ >= -e U v-: least-distance programming, solved by non-negative least squares. v+
-is unique; if p without friction is not, the minimum-norm p is taken, as for multipliers. Rows that already separate are
-excluded, because energy could increase otherwise; if they approach afterwards, they impact next, together with the
-no-slip rows of the same contact.
+Newton's impact law for the approaching contact rows N and the bilateral rows G; c and b are their g_t. v+ is the
+point closest to v- in the mass metric with G v+ + b = 0 and N v+ + c >= -e (N v- + c): least-distance programming,
+solved by non-negative least squares. v+ is unique; if p without friction is not, the minimum-norm p is chosen, as for
+multipliers. Rows that already separate are excluded, because energy could increase otherwise; if they approach
+afterwards, they impact next, together with the no-slip rows of the same contact.
 
 With friction, the tangential impulse is p_t, |p_t| <= mu p, opposing the slip after the impact, or zero slip
 (`friction_lcp`). Newton's law can then increase the energy for e > 0 (Kane); in that case the run ends.

@@ -60,38 +60,38 @@ class ModePoint:
 
     @cached_property
     def values(self) -> tuple[Array, Array, Array]:
-        """Return g (ng,), G (ng, nv) and g_t (ng,) of all rows."""
+        """Terms g (ng,), G (ng, nv) and g_t (ng,) of all rows."""
         return self.all_rows(self.t, self.q)
 
     @cached_property
     def g(self) -> Array:
-        """Return g of all rows, (ng,)."""
+        """Residuals g of all rows, (ng,)."""
         return self.values[0]
 
     @property
     def G(self) -> Array:
-        """Return G of all rows, (ng, nv)."""
+        """Jacobian G of all rows, (ng, nv)."""
         return self.values[1]
 
     @cached_property
     def rate(self) -> Array:
-        """Return G v + g_t of all rows, (ng,)."""
+        """Rates G v + g_t of all rows, (ng,)."""
         _, G, g_t = self.values
         return G @ self.v + g_t
 
     @cached_property
     def gamma(self) -> Array:
-        """Return gamma of all rows, (ng,)."""
+        """Bias terms gamma of all rows, (ng,)."""
         return self.all_rows.bias(self.t, self.q, self.v)
 
     @cached_property
     def derivative(self) -> tuple[Array, Array]:
-        """Return y' (ny,) and lam (ng,) in the mode of the workspace."""
+        """Time derivative y' (ny,) and multipliers lam (ng,) in the mode of the workspace."""
         return self.system.derivative(self.t, self.y)
 
     @cached_property
     def null_multipliers(self) -> Array:
-        """Return a basis N (ng, k) of the null space of G^T in the mode, G^T N = 0."""
+        """A basis N (ng, k) of the null space of G^T in the mode, G^T N = 0."""
         active = np.setdiff1d(np.arange(self.system.ng), self.system.constraints.inactive)
         left, sizes, _ = np.linalg.svd(self.G[active])
         r = int(np.count_nonzero(sizes > PIVOT_RANK * sizes[:1]))
@@ -101,12 +101,12 @@ class ModePoint:
 
     @property
     def lam(self) -> Array:
-        """Return lam, (ng,)."""
+        """Multipliers lam in the mode of the workspace, (ng,)."""
         return self.derivative[1]
 
     @property
     def vdot(self) -> Array:
-        """Return v' in the mode of the workspace, (nv,)."""
+        """Accelerations v' in the mode of the workspace, (nv,)."""
         return self.derivative[0][len(self.v) : 2 * len(self.v)]
 
     @cached_property

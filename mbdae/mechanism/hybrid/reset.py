@@ -150,8 +150,8 @@ class ResetMap:
         out, after = P[:, :ny] @ out, s.project_state(t, closed)
         out[:, ny : ny + k] += P[:, ny:]
         if s.mechanism.drivers:
-            moved = numerical_derivative(lambda x: s.difference(after, s.project_state(t + x, closed)), self._width)
-            out[:, -1] = P[:, :ny] @ time[:, 0] + moved
+            rate = numerical_derivative(lambda x: s.difference(after, s.project_state(t + x, closed)), self._width)
+            out[:, -1] = P[:, :ny] @ time[:, 0] + rate
         return self.with_work_partials(sensitivity, y, after, out)
 
     @property
@@ -239,10 +239,10 @@ class ResetMap:
             what = f"partials of event {self.reset.name!r}"
             return checked_value(call_with_views(what, self.reset._partials, t, *s.split(y)), (n, n), t, what)
 
-        def moved(x: Array) -> Array:
+        def displacement(x: Array) -> Array:
             return s.difference(after, self._assigned(t, s.add(y, np.pad(x, (0, s.ny - n)))))[:n]
 
-        return numerical_jacobian(moved, n, WIDTH * s.mechanism.motion_scales)
+        return numerical_jacobian(displacement, n, WIDTH * s.mechanism.motion_scales)
 
     def _assembled(self, t: float, y: Array) -> Array:
         """Return y with the positions not in the table solved for closures, see `assembled`."""

@@ -28,8 +28,8 @@ class Guard(NamedTuple):
         name: name of the switch.
         switch: index of the switch.
         value: the function.
-        rate: its time derivative, if known, to detect an excursion below 0 and back within a step.
-        second_rate: its second time derivative.
+        rate: time derivative of the guard, if known, to detect an excursion below 0 and back within a step.
+        second_rate: second time derivative of the guard.
         needs_multipliers: whether the guard depends on multipliers, and is sampled within steps.
         monitored_multiplier: the multiplier that steps must resolve: for ``"slip"``, over its limit and with sign, so
             that the row slips where the norm exceeds 1, (m,) for m no-slip rows; for ``"separation"``, the multiplier
@@ -57,7 +57,7 @@ class ImpactRow(NamedTuple):
     """A row that takes part in an impact.
 
     Attributes:
-        row: its index.
+        row: index of the row.
         sign: 1 or -1: sign * (G v + g_t) is the opening speed; 0 for a bilateral row.
         restitution: coefficient of restitution.
         friction: mu of a tangential row, bounded by the impulse of the first row of its switch; nan for other rows.
@@ -73,7 +73,7 @@ class CandidateRow(NamedTuple):
     """A row that may become active after an event, and the bounds of its multiplier.
 
     Attributes:
-        row: its index.
+        row: index of the row.
         lower: lower bound of the multiplier.
         upper: upper bound of the multiplier.
         friction: mu of a tangential row, bounded by the first row of its switch (`friction_lcp.FrictionBound`); nan

@@ -30,17 +30,19 @@ MultipliersAfterStep = Callable[["Mode", float], tuple[Array, float]]
 """Function of a mode and a step, as a fraction of the time to the next jump: lam (ng,) and its rounding error."""
 
 
-def rows_that_stay_active(mode: "Mode", undecided: dict[int, "CandidateRow"], step: MultipliersAfterStep) -> set[int]:
+def rows_that_stay_active(
+    mode: "Mode", undecided: dict[int, "CandidateRow"], multipliers_after_step: MultipliersAfterStep
+) -> set[int]:
     """Return the undecided switches that remain active.
 
     Args:
         mode: states of all switches, with undecided switches open.
         undecided: rows of the undecided switches, by their indices.
-        step: the multipliers after a step.
+        multipliers_after_step: the multipliers of a mode after a short step.
     """
     remaining = dict(undecided)
     while remaining:
-        multipliers = _multipliers(mode, remaining, step)
+        multipliers = _multipliers(mode, remaining, multipliers_after_step)
         worst = min(multipliers, key=lambda i: multipliers[i])
         if multipliers[worst] >= 0:
             return {i for i, lam in multipliers.items() if lam > 0}
@@ -48,14 +50,16 @@ def rows_that_stay_active(mode: "Mode", undecided: dict[int, "CandidateRow"], st
     return set()
 
 
-def _multipliers(mode: "Mode", active: dict[int, "CandidateRow"], step: MultipliersAfterStep) -> dict[int, float]:
+def _multipliers(
+    mode: "Mode", active: dict[int, "CandidateRow"], multipliers_after_step: MultipliersAfterStep
+) -> dict[int, float]:
     """Return the multipliers of switches if all of them are active, positive under compression; 0 if insignificant."""
     trial, multipliers = list(mode), dict.fromkeys(active, 0.0)
     for i in active:
         trial[i] = ACTIVE_STATE
     with suppress(StepError):
         for fraction in STEP_FRACTIONS:
-            lam, rounding = step(tuple(trial), float(fraction))
+            lam, rounding = multipliers_after_step(tuple(trial), float(fraction))
             signed = {i: float(lam[c.row]) * (1.0 if np.isfinite(c.lower) else -1.0) for i, c in active.items()}
             multipliers = {i: x if abs(x) > SIGNIFICANT * rounding else 0.0 for i, x in signed.items()}
             if all(multipliers.values()):

@@ -38,9 +38,9 @@ class Input(BaseTimeFunction):
     Attributes:
         name: name of the input; uses of one name share one input.
         value: value at the start.
-        unit: for tables and displays.
-        hold: value between two settings: ``"zero"``: constant, with jumps; ``"first"``: linear over an advance, or over
-            a step of the FMU.
+        unit: unit in tables and displays.
+        hold: value between two settings: ``"zero"``: constant, with jumps; ``"first"``: linear over a communication
+            step of the simulator or the FMU.
     """
 
     kind: Literal["input"] = "input"
@@ -64,7 +64,7 @@ class Input(BaseTimeFunction):
         return out
 
     def listen(self, listener: InputListener) -> None:
-        """Notify a workspace of all further settings."""
+        """Notify a workspace of all later settings."""
         if self._number >= 0:
             self._listeners.add(listener)
 
@@ -95,7 +95,7 @@ class InputHistory(PiecewiseFunction):
     Attributes:
         name: name of the input.
         pieces: linear pieces, each valid from its time on.
-        hold: hold of the input.
+        hold: hold between two settings, as for `Input`.
     """
 
     kind: Literal["input_history"] = "input_history"

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 Point = tuple[float, float]
 Interpolation = Literal["spline", "monotone"]
 Extrapolation = Literal["hold", "linear", "periodic"]
-CACHE_SIZE = 32  # curves
+CACHE_SIZE = 32  # number of curves
 MAX_POLYNOMIALS = 100_000  # largest number of polynomials within a run
 
 

@@ -10,7 +10,7 @@ from ...finite_differences import numerical_derivative
 from ..checked_table import Table
 from .piecewise_polynomial import PiecewisePolynomial
 
-SPACING = 3e-3  # s, of finite differences
+SPACING = 3e-3  # s: spacing of finite differences
 
 
 class BaseTimeFunction(Table):

@@ -46,10 +46,10 @@ class Harmonic(BaseTimeFunction):
     """offset + amplitude sin(omega t + phase).
 
     Attributes:
-        amplitude: in the unit of the value.
-        omega: rad/s.
-        phase: rad.
-        offset: in the unit of the value.
+        amplitude: amplitude in the unit of the value.
+        omega: angular frequency in rad/s; in a motion law, in rad per rad or m.
+        phase: phase in rad.
+        offset: mean value, in the unit of the value.
     """
 
     kind: Literal["harmonic"] = "harmonic"
@@ -100,7 +100,7 @@ class TimeTable(_Points):
     its first value, except for a motion, which may increase by the difference in each period (a rotating crank).
 
     Attributes:
-        points: pairs (t, value) in s.
+        points: pairs (t, value), t in s.
         interpolation: ``"spline"``, natural and cubic (two continuous derivatives), or ``"monotone"``, cubic without
             overshoot (one continuous derivative).
         beyond: extrapolation before the first time and after the last: ``"hold"`` the end values, ``"linear"``, or
@@ -147,7 +147,7 @@ class Steps(_Points):
     """Piecewise constant function: each value applies from its time on, the first value also before its time.
 
     Attributes:
-        points: pairs (t, value) in s, t increasing.
+        points: pairs (t, value), t in s, increasing.
     """
 
     kind: Literal["steps"] = "steps"
@@ -166,9 +166,9 @@ class Function(BaseTimeFunction):
 
     Args:
         function: t -> float.
-        rate: its first derivative.
-        acceleration: its second derivative.
-        name: by default the name of the function.
+        rate: first derivative of the function.
+        acceleration: second derivative of the function.
+        name: name in messages; by default that of the Python function.
 
     Raises:
         InputError: for an unknown key or a wrong value, in one line with what is expected.

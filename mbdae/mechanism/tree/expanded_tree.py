@@ -75,7 +75,7 @@ class Branches(NamedTuple):
     before: Array
 
     def with_modes(self, modes: Array, sign: float) -> "Branches":
-        """Return the branches extended by translations, then rotations, of a node by the modes of a flexible body."""
+        """Return the branches extended by a node's translations, then rotations, due to modes of a flexible body."""
         k, c = len(modes), len(self.at)
         before = np.zeros((c + 2 * k,) * 2)
         before[:c, :c] = self.before

@@ -173,7 +173,7 @@ class Pair:
     """Two anchors bound to live Pinocchio data: poses in the world, twists, and the columns of J that move them.
 
     ``sign`` (nv,) is +1 where a joint moves only b, -1 where it moves only a and 0 elsewhere: a wrench w (6,) on b and
-    -w on a, both at the world's origin, has the generalized force sign * (J^T w). ``columns`` belong to joints that
+    -w on a, both about the world's origin, has the generalized force sign * (J^T w). ``columns`` belong to joints that
     move a or b or both. Modes that move an anchor on a node have their columns in ``nodes``, not in J: sign of the
     anchor, the bound body and its node; their ``sign`` is 0.
     """
@@ -276,7 +276,7 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def motion_cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the products a x b of motions column by column, (6, m)."""
+    """Return the products a x b of motions a, b column by column, (6, m)."""
     return np.concatenate([cross(a[3:], b[:3]) + cross(a[:3], b[3:]), cross(a[3:], b[3:])])
 
 
@@ -294,7 +294,7 @@ def wrench_matrix(wrench: np.ndarray) -> np.ndarray:
 
 
 def unit_gap(pair: Pair) -> tuple[float, np.ndarray]:
-    """Return the distance of both origins in m and the unit vector (3,) from a to b; the x axis if they coincide."""
+    """Return the distance between the origins in m and the unit vector (3,) from a to b; x if they coincide."""
     gap = pair.pb - pair.pa
     distance = np.sqrt(gap @ gap)
     return (distance, gap / distance) if distance.real > 0 else (np.finfo(float).tiny, np.array([1.0, 0.0, 0.0]))

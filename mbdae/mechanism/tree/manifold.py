@@ -35,7 +35,7 @@ def _series() -> list[float]:
 
 
 SERIES = _series()
-Ad = Callable[[np.ndarray], np.ndarray]
+AdjointOperator = Callable[[np.ndarray], np.ndarray]  # x -> ad_x, the matrix of the Lie bracket [x, .]
 
 
 def _so3(x: np.ndarray) -> np.ndarray:
@@ -53,8 +53,9 @@ def _se2(x: np.ndarray) -> np.ndarray:
     return np.array([[0.0, -x[2], x[1]], [x[2], 0.0, -x[0]], [0.0, 0.0, 0.0]])
 
 
-GROUPS: dict[Ad, str] = {_so3: "so3", _se3: "se3", _se2: "se2"}
-GROUP_JOINTS: dict[str, tuple[Ad, slice]] = {  # ad_x, and the slice of the rotation in the tangent, by joint
+GROUPS: dict[AdjointOperator, str] = {_so3: "so3", _se3: "se3", _se2: "se2"}
+# ad_x, and the slice of the rotation in the tangent, by joint
+GROUP_JOINTS: dict[str, tuple[AdjointOperator, slice]] = {
     "JointModelSpherical": (_so3, slice(0, 3)),
     "JointModelFreeFlyer": (_se3, slice(3, 6)),
     "JointModelPlanar": (_se2, slice(2, 3)),
@@ -67,7 +68,7 @@ class Manifold:
     def __init__(self, model: pin.Model) -> None:
         self.model = model
         self.flat = model.nq == model.nv
-        self.group_joints: list[tuple[str, slice, Ad, slice]] = []
+        self.group_joints: list[tuple[str, slice, AdjointOperator, slice]] = []
         self.group_starts: list[int] = []  # first index of each block in q
         self.circles: list[int] = []  # tangent indices of unbounded revolute joints
         self.angles: list[tuple[int, int]] = []  # tangent indices of angles, indices of their cosines and sines in q

@@ -1,4 +1,4 @@
-"""Terms of the tree in a workspace: Pinocchio's algorithms, and the contributions of flexible bodies.
+"""Dynamics terms of the joint tree in a workspace: Pinocchio's algorithms, and contributions of flexible bodies.
 
 See `mbdae.mechanism.flexible`. A model without flexible bodies has no attribute ``flexible``.
 """
@@ -148,7 +148,7 @@ def bias(model: pin.Model, data: pin.Data, q: Array, v: Array) -> Array:
     return nle
 
 
-def inverse(model: pin.Model, data: pin.Data, q: Array, v: Array, a: Array) -> Array:
+def inverse_dynamics(model: pin.Model, data: pin.Data, q: Array, v: Array, a: Array) -> Array:
     """Return M v' + nle(q, v) for v' = a, (nv,)."""
     if not bound_bodies(data):
         return pin.rnea(model, data, q, v, a)

@@ -3,7 +3,7 @@
 Only the columns J_m of joints that move exactly one of the frames contribute: a joint that moves both rotates the
 wrench together with its bodies. m <= k means that the joint of m, in the expanded tree, is the joint of k or one of its
 ancestors; V_<m is the velocity of the parent of m, V_j the velocity of the frame that m moves, W = V_j - V_<m. With the
-products a x b of motions and a x* F of a motion and a wrench, all at the world's origin,
+products a x b of motions and a x* F of a motion and a wrench, all about the world's origin,
 
     dJ_k/dq_m = J_m x J_k  if m <= k, else 0             dJ_k/dt = V_k x J_k
     dV_j/dq_m = J_m x W                                  dV_j/dv_m = J_m

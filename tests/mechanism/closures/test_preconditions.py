@@ -49,11 +49,11 @@ def test_every_study_refuses_it(tmp_path):
 
 def test_a_bevel_pair_whose_axes_do_not_meet_or_are_parallel(tmp_path):
     across = Closure.bevel("a", "b", (0.1, 0.2), UP, AHEAD, "mesh")
-    with pytest.raises(InputError, match=r"its axes do not intersect, their distance is 0\.2 m"):
+    with pytest.raises(InputError, match=r"its axes do not intersect: their distance is 0\.2 m"):
         mbdae.solve(wheels(tmp_path, across, AHEAD, (0.3, 0.2, 0.0)), (0, 1))
     with pytest.raises(InputError, match="closure 'mesh': its axes are parallel: use kind 'gear'"):
         mbdae.solve(wheels(tmp_path, Closure.bevel("a", "b", (0.1, 0.2), name="mesh")), (0, 1))
-    with pytest.raises(InputError, match="can rotate about axes other than those given"):
+    with pytest.raises(InputError, match="can rotate about an axis that is not in the plane of the given axes"):
         mbdae.solve(wheels(tmp_path, across, [0.0, 1.0, 0.0]), (0, 1))
 
 
@@ -70,7 +70,7 @@ def test_a_flat_face_that_leans(tmp_path):
         body("face", "prismatic", axis=[0.0, 1.0, 0.0], rpy=[0.3, 0.0, 0.0]),
     ]
     face = Closure.cam("cam", "face", cam, "touch", axis=(0.0, 1.0, 0.0))
-    with pytest.raises(InputError, match=r"closure 'touch': its flat face is tilted by 0\.2\d* rad"):
+    with pytest.raises(InputError, match=r"closure 'touch': its flat face deviates by 0\.2\d* rad"):
         mbdae.solve(load(tmp_path, bodies, [face]), (0, 1))
 
 
@@ -122,5 +122,4 @@ def test_the_angle_of_a_bevel_pair_that_changes(tmp_path):
     mech = load(tmp_path, bodies, [mesh], start={"v": {"fork": 0.1, "a": 1.0}}, gravity=[0.0, 0.0, 0.0])
     sol = mbdae.solve(mech, (0, 1))
     assert sol.status == "doubtful"
-    assert "the angle of its axes is 1.5" in sol.message
-    assert "after 1.571 rad" in sol.message
+    assert "the angle between its axes has changed from 1.571 to 1.5" in sol.message

@@ -7,7 +7,7 @@ import pytest
 from mbdae import backend
 from mbdae.mechanism.formulations.equation_partials import equation_partials
 from mbdae.mechanism.signals.joint_wrenches import joint_wrenches
-from mbdae.mechanism.tree.tree_terms import inverse, update_poses
+from mbdae.mechanism.tree.tree_terms import inverse_dynamics, update_poses
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def test_partials_are_derivatives_of_the_equations(rigid_and_flexible):
         G = system.closures(q)[1]
         update_poses(system.model, system.workspace, q)
         tau, _ = system.generalized_force(0.0, q, v, np.empty(0))
-        return tau + G.T @ lam - inverse(system.model, system.workspace, q, v, a)
+        return tau + G.T @ lam - inverse_dynamics(system.model, system.workspace, q, v, a)
 
     p = equation_partials(system, 0.0, q, u, a, lam, np.arange(mech.ng))
     close(p.K[:-1], flexible_bodies.tangent_derivatives(mech, lambda x: residual(x, v), q), 1e-9)
@@ -87,5 +87,5 @@ def test_wrenches_of_joints_give_their_torques(rigid_and_flexible):
     G = system.closures(q)[1]
     update_poses(system.model, system.workspace, q)
     tau, _ = system.generalized_force(0.0, q, v, np.empty(0))
-    needed = inverse(system.model, system.workspace, q, v, a) - G.T @ lam - tau
+    needed = inverse_dynamics(system.model, system.workspace, q, v, a) - G.T @ lam - tau
     close(wrenches[mech.model.getJointId("b") - 1][3:], needed[at], 1e-11)

@@ -47,7 +47,7 @@ def parts(force, t, q, v, model=MODEL):
     """The conservative and the other part of tau, (nv,) each, of the only force of a mechanism."""
     system = Mechanism(model, forces=[force]).system()
     system.inertia(t, q)
-    return [np.broadcast_to(part, model.nv) for part in system.laws.split_torque(t, q, v, q[:0])[:2]]
+    return [np.broadcast_to(part, model.nv) for part in system.laws.split_generalized_force(t, q, v, q[:0])[:2]]
 
 
 def gradient(force, q, model=MODEL):

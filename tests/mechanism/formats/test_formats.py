@@ -188,7 +188,7 @@ def test_what_follows_a_locked_joint_is_locked(tmp_path):
 def test_a_joint_that_follows_nothing_is_left_out_by_name(tmp_path):
     write(tmp_path, GRIPPER.read_text().replace('<mimic joint="left"', '<mimic joint="lost"'), "gripper.urdf")
     shutil.copytree(GRIPPER.parents[1], tmp_path / "robot_description")
-    with pytest.warns(UserWarning, match="not carried over: .*; mimicry of joints that do not move by right"):
+    with pytest.warns(UserWarning, match="not carried over: .*; mimic constraints without a moving leader on right"):
         mech = mbdae.load(tmp_path / "gripper.urdf")
     assert [c.name for c in mech.closures] == ["dial follows right"]
 

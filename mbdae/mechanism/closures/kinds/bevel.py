@@ -33,7 +33,7 @@ class BevelClosure(FixedAxisClosure):
     kind: Literal["bevel"] = "bevel"
     radii: Annotated[Radii, Unit("m")]
     second_axis: Axis | None = None
-    free_rotation_message = "its wheels can rotate about axes other than those given, in the plane of both"
+    free_rotation_message = "its wheels can rotate about an axis that is not in the plane of the given axes"
 
     @field_validator("radii")
     @classmethod
@@ -55,10 +55,10 @@ class BevelClosure(FixedAxisClosure):
         e = np.cross(ka, kb)
         distance = abs(float((pair.pb - pair.pa) @ e)) / float(np.linalg.norm(e))
         if distance > THREE_DIGITS * (abs(ra) + abs(rb)):
-            return f"its axes do not intersect, their distance is {distance:.3g} m"
+            return f"its axes do not intersect: their distance is {distance:.3g} m"
         angle, before = (float(np.arccos(np.clip(x, -1, 1))) for x in (ka @ kb, (relative @ a) @ b))
         changed = abs(angle - before) > THREE_DIGITS
-        return f"the angle of its axes is {angle:.4g} rad, after {before:.4g} rad" if changed else ""
+        return f"the angle between its axes has changed from {before:.4g} to {angle:.4g} rad" if changed else ""
 
     def excluded_axes(self, pair: Pair) -> tuple[Array, str]:
         a, b = self.axes()
@@ -73,7 +73,7 @@ class BevelClosure(FixedAxisClosure):
 
 
 class Bevel(LineRows):
-    """Wheels of a and b about intersecting axes, one of each (3,), do not slip on each other.
+    """Wheels of a and b about intersecting axes, (3,) in each frame, do not slip on each other.
 
     The row is along e = k_a x k_b/|.|, perpendicular to both axes, through the point at which the pitch cones touch, at
     distances r_a and r_b from the axes: (p - p_a) . (e x k_a) = r_a, (p - p_b) . (k_b x e) = r_b. Hence r_a w_a +

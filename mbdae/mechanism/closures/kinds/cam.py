@@ -49,7 +49,8 @@ class CamClosure(BetweenFrames):
 
     def violated_precondition(self, pair: Pair, relative: Array) -> str:
         tilt = abs(float(pair.Rb @ unit_axis(self.axis) @ pair.Ra[:, 2])) if self.axis else 0.0
-        return f"its flat face is tilted by {tilt:.3g} rad to the plane of the profile" if tilt > THREE_DIGITS else ""
+        message = f"its flat face deviates by {tilt:.3g} rad from a right angle to the plane of the profile"
+        return message if tilt > THREE_DIGITS else ""
 
     @classmethod
     def create(cls, a: str, b: str, profile: AnyProfile, name: str = "", **more: Any) -> "CamClosure":

@@ -26,7 +26,7 @@ class CouplingClosure(BetweenJoints):
     coupling is evaluated modulo their effect, and rejected if this is not possible (powers, irrational ratios).
 
     Attributes:
-        coefficients: c_0, c_1, ...: of powers of q_j for two joints; one for each joint for three or more.
+        coefficients: c_0, c_1, ...: those of the powers of q_j for two joints; one per joint for three or more.
         curve: the law f of a coupling of two joints, instead of coefficients (cam laws, indexing drives).
     """
 
@@ -120,14 +120,14 @@ class BoundMotionLawRow(BoundCoordinateRow):
 
     def __init__(self, model: pin.Model, data: pin.Data, row: MotionLawRow, at: int, name: str) -> None:
         BoundJointRow.__init__(self, model, data, (row.joint, row.other), at, name)
-        self.law, revolution, (_, length, rise) = row.law, 2 * np.pi, period_of(row.law)
+        self.law, revolution, (_, length, increment) = row.law, 2 * np.pi, period_of(row.law)
         periods = [revolution] if self.joints[0].nq == 2 else []
         if self.joints[1].nq == 2:
             n = revolution / length if length else 0.0
             if not length or abs(n - round(n)) > COINCIDENT:
                 what = "does not repeat itself in a revolution" if length else "is not periodic"
                 raise InputError(f"{name!r}: a curve that {what} is not defined on an unbounded joint; bound the joint")
-            periods += [abs(rise * round(n))] if rise else []
+            periods += [abs(increment * round(n))] if increment else []
         self.period = common_period(periods, name)
 
     def core_data(self) -> CoreData:

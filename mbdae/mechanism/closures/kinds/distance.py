@@ -10,7 +10,7 @@ from ..rows import Distance
 
 
 class DistanceClosure(UnilateralClosure):
-    """1 row: the origins have the distance `length` > 0 in m.
+    """1 row: the distance between the origins is `length` > 0, in m.
 
     Attributes:
         length: distance in m.
@@ -18,7 +18,7 @@ class DistanceClosure(UnilateralClosure):
 
     kind: Literal["distance"] = "distance"
     length: Annotated[float, Unit("m")] = Field(gt=0)
-    free_side = -1.0  # a rope is slack if the distance is shorter
+    free_side = -1.0  # a rope is slack at a shorter distance
 
     def primitives(self) -> tuple[Distance]:
         return (Distance(self.length),)

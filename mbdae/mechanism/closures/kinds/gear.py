@@ -20,7 +20,7 @@ Radii = tuple[float, float]
 
 
 class GearClosure(FixedAxisClosure):
-    """1 row: wheels about parallel axes do not slip at the pitch point, which divides the line of centres by the radii.
+    """1 row: wheels about parallel axes do not slip at the pitch point, which is set by the ratio of the radii.
 
     The axes must stay parallel, at the distance |r_a + r_b|.
 

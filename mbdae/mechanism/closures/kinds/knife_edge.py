@@ -14,7 +14,7 @@ class KnifeEdgeClosure(BetweenFrames):
     """1 row: b's origin does not slip along the axis of b.
 
     Attributes:
-        axis: axis in the second frame.
+        axis: direction without slip in the second frame, across the edge.
     """
 
     kind: Literal["knife_edge"] = "knife_edge"

@@ -25,7 +25,7 @@ class RatioClosure(BetweenJoints):
         if len(self.joints) > 3:
             raise ValueError("a ratio has two or three joints")
         if (len(self.coefficients) > 1) != (len(self.joints) > 2):
-            raise ValueError("a ratio needs a third joint for coefficients c_1, ..., and has none without")
+            raise ValueError("a ratio needs a third joint for coefficients c_1, ..., and no third joint without them")
         return self
 
     def primitives(self) -> tuple[Ratio]:

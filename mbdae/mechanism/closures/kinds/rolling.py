@@ -22,8 +22,8 @@ class RollingClosure(UnilateralClosure):
 
     The body is a disc or torus (``radius``, ``tyre``, ``axis``), a sphere (``tyre`` equal to the radius, or no ``tyre``
     and no ``axis``) or an ellipsoid (``semi_axes``, ``centre``). The rows are the contact gap (multiplier N > 0 under
-    compression), then no slip forwards and no slip to the left of the wheel; for a body without an axle, along x and y
-    of a. Without ``contact``, joints must keep the body on the surface.
+    compression), then no slip forwards and no slip to the left of the wheel; for a body without an axle on a plane,
+    along x and y of a. Without ``contact``, joints must keep the body on the surface.
 
     Attributes:
         radius: outer radius of a wheel or sphere in m.
@@ -66,14 +66,14 @@ class RollingClosure(UnilateralClosure):
     def _check_surface(self) -> "RollingClosure":
         if not self.primitives():
             raise ValueError("there is no row: grip is 'none' and contact is false")
-        curve = self.surface_radius
-        if (curve is None) != (self.shape.surface == "plane"):
+        radius = self.surface_radius
+        if (radius is None) != (self.shape.surface == "plane"):
             raise ValueError("surface_radius belongs to surface 'sphere' or 'cylinder', which need it")
-        if curve is None:
+        if radius is None:
             return self
         if self.axis or self.semi_axes or self.grip not in (None, "full", "none"):
             raise ValueError("only spheres without an axis roll on spheres and cylinders, with grip 'full' or 'none'")
-        if not curve or (curve < 0 and -curve <= (self.radius or 0)):
+        if not radius or (radius < 0 and -radius <= (self.radius or 0)):
             raise ValueError("surface_radius is not zero, and a sphere inside is smaller")
         return self
 
@@ -90,8 +90,8 @@ class RollingClosure(UnilateralClosure):
         tyre = radius if self.axis is None else self.tyre or 0.0
         axle = tuple(unit_axis(self.axis).tolist()) if self.axis else None
         centre = self.centre or (0.0, 0.0, 0.0)
-        surface, curve = self.surface or "plane", self.surface_radius or 0.0
-        return ConvexBody(axle, radius - tyre, tyre, self.semi_axes, centre, surface, curve)
+        surface, surface_radius = self.surface or "plane", self.surface_radius or 0.0
+        return ConvexBody(axle, radius - tyre, tyre, self.semi_axes, centre, surface, surface_radius)
 
     def primitives(self) -> tuple[ContactHeightRow | NoSlipRows, ...]:
         height = () if self.contact is False else (ContactHeightRow(self.shape),)

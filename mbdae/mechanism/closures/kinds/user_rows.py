@@ -20,7 +20,7 @@ from ...tree.frames import find_joint
 from ..closure import BetweenJoints
 from ..joint_rows import BoundJointRow, JointRow
 
-STEP = 4e-3  # rad or m, of sixth-order central differences: error 3e-17 of the seventh derivative, rounding 1e-13
+STEP = 4e-3  # rad or m, of sixth-order central differences: error 3e-17 times the seventh derivative, rounding 1e-13
 
 Names = Annotated[tuple[str, ...], BeforeValidator(lambda x: (x,) if isinstance(x, str) else x)]
 
@@ -39,7 +39,7 @@ class UserRows(BetweenJoints):
 
     Attributes:
         joints: names of the joints.
-        function: as above. A loaded solution has only its name: operations that evaluate it fail.
+        function: the Python function, see above. A loaded solution has only its name: operations that evaluate it fail.
         partials: q -> dG/dq, (n, n) or (size, n, n), [.., j, k] the derivative of G_j along velocity k; by central
             differences when left out, to about 1e-12.
         size: number of rows.
@@ -81,10 +81,10 @@ class UserRows(BetweenJoints):
 
 @dataclass(frozen=True)
 class UserRow(JointRow):
-    """One of the rows of a function."""
+    """One of the rows of a function, by its index."""
 
     rows: UserRows
-    number: int
+    index: int
     positional: bool
 
     def bind(self, model: pin.Model, data: pin.Data, at: int, name: str) -> "BoundUserRow":
@@ -95,7 +95,7 @@ class BoundUserRow(BoundJointRow):
     """A row of a function, bound to a workspace."""
 
     def __init__(self, model: pin.Model, data: pin.Data, row: UserRow, at: int) -> None:
-        self.at, self.rows, self.number, self.checked = at, row.rows, row.number, not row.positional
+        self.at, self.rows, self.index, self.checked = at, row.rows, row.index, not row.positional
         self.joints = [find_joint(model, n) for n in row.rows.joints]
         self.columns = [i for j in self.joints for i in range(j.idx_v, j.idx_v + j.nv)]
         self._joint_data = [data.joints[j.id] for j in self.joints]
@@ -107,10 +107,10 @@ class BoundUserRow(BoundJointRow):
     def core_data(self) -> CoreData:
         """See `BoundJointRow`; the core calls the functions."""
         coordinates = [i for j in self.joints for i in range(j.idx_q, j.idx_q + j.nq)]
-        numbers = {"iq": coordinates, "iv": self.columns, "positional": not self.rows.velocity}
+        indices = {"iq": coordinates, "iv": self.columns, "positional": not self.rows.velocity}
         return {
             "kind": "function",
-            **numbers,
+            **indices,
             "value": lambda q: np.append(*self._evaluate(q)),
             "bias": lambda q, v: np.array([self._bias(q, v)]),
             "partials": lambda q: np.ascontiguousarray(self._partials(q)),
@@ -153,7 +153,7 @@ class BoundUserRow(BoundJointRow):
                 raise StepError("force", f"{self.what} returned {value!r:.80}, expected g and G")
             g, value = checked_value(value[0], shape, None, self.what), value[1]
         G = checked_value(value, (*shape, n), None, self.what)
-        return (float(g[self.number]), G[self.number]) if shape else (float(g), G)
+        return (float(g[self.index]), G[self.index]) if shape else (float(g), G)
 
     def _bias(self, q: Array, v: Array) -> float:
         if self.rows.partials:
@@ -168,7 +168,7 @@ class BoundUserRow(BoundJointRow):
             what = f"partials of {self.what}"
             shape = (size, n, n) if size > 1 else (n, n)
             partials = checked_value(call_with_views(what, self.rows.partials, None, q), shape, None, what)
-            return partials[self.number] if size > 1 else partials
+            return partials[self.index] if size > 1 else partials
         return np.column_stack([self._derivative(lambda x: self._evaluate(x)[1], q, e) for e in np.eye(n)])
 
     def _derivative(self, f: Callable[[Array], Any], q: Array, e: Array) -> Any:
@@ -179,6 +179,6 @@ class BoundUserRow(BoundJointRow):
         for k, e in enumerate(np.eye(len(G))):
             derivative = float(self._derivative(lambda x: self._evaluate(x)[0], q, e))
             if abs(derivative - G[k]) > INTERPOLATION * (1 + abs(G[k])):
-                row = f" of row {self.number}" if self.rows.size > 1 else ""
+                row = f" of row {self.index}" if self.rows.size > 1 else ""
                 what = f"G{row} is {G[k]:.6g} along velocity {k}, but the derivative of g is {derivative:.6g}"
                 raise InputError(f"{self.what}: {what}")

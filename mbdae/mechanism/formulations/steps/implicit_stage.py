@@ -24,7 +24,7 @@ import numpy as np
 from ....linear_solve import factorized, lapack
 from ....system import Array, Counts, Solver
 from ...tree.manifold import Manifold
-from ...tree.tree_terms import inverse, update_poses
+from ...tree.tree_terms import inverse_dynamics, update_poses
 from ..equation_partials import EquationPartials, equation_partials
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class ImplicitStages:
         return tuple(self.rows.tolist())
 
     def start(self) -> tuple[Array, Array]:
-        """Return (v, v', w') and the multipliers of the rows in use, (r,)."""
+        """Return (v, v', s', w') and the multipliers of the rows in use, (r,)."""
         F, z = self.system.derivative(self.t, self.y)
         lam = z[: self.system.ng]
         if len(self.rows) < len(lam):
@@ -67,7 +67,7 @@ class ImplicitStages:
             e, speed, factor = s.closure_friction.slip_terms(v)
             T = factor * s.closure_friction.normal_forces(s.closure_friction.minimum_norm_map(self.rows) @ z)[0]
             tau, rates[-1] = tau + T @ e, rates[-1] + T @ speed
-        inertial = inverse(s.model, s.workspace, q, v, dx[nv : 2 * nv])
+        inertial = inverse_dynamics(s.model, s.workspace, q, v, dx[nv : 2 * nv])
         constraint = G.dot(v)
         if s.driven:
             g_t = s.g_t(t)[self.rows]

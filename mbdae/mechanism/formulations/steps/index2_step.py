@@ -21,7 +21,7 @@ class Index2Chart(ImplicitStages):
         self.s = system.element_states(y)
 
     def first(self, carry: Array) -> tuple[Array, Array]:
-        """Return the first stage from `carry` (nv,): x' = v, and v'."""
+        """Return the first stage (x', v', s', w') from `carry`, (nv + ns + 1,), x' = v, and no multipliers."""
         return np.concatenate([self.v, carry]), np.empty(0)
 
     def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:

@@ -28,7 +28,7 @@ def interpolant(
 
     In the chart q = q_n (+) x, x(theta) interpolates x, x' = J v and x'' = J v' + J' v at both ends: a quintic, order 5
     in q and 4 in v. For higher orders, accelerations from the hidden constraint at interior points are added. Both q
-    and v are continuous, and satisfy G v = 0 to that order. States s and work w are cubics, order 3, extended by their
+    and v are continuous, and satisfy G v = 0 to that order. States s and work w are cubics, order 3, raised by their
     rates at the same points; without states, the work uses the power at two other points.
 
     Args:

@@ -1,4 +1,4 @@
-"""Step of a Newmark-type method on the second-order equations of a mechanism, on any configuration manifold.
+"""Step of a Newmark-type method for the second-order equations of a mechanism, on any configuration manifold.
 
 With u = (v, s, w), and the coefficients of a method (`mbdae.methods.alpha`), the unknowns u_1', lam, mu satisfy
 
@@ -83,7 +83,7 @@ class NewmarkStep:
         return found[:n], found[n:]
 
     def measure(self, change: Array, du: Array) -> tuple[float, float]:
-        """Return the magnitudes of a change of v_1, and of the positions over h, relative to the largest speed."""
+        """Return the magnitudes of a change of v_1, and of positions divided by h, relative to the largest speed."""
         mech, nv = self.system.mechanism, self.system.nv
         scales, speeds = mech.coordinate_scales, np.abs(self.chart.v) + np.abs(self.h * du[:nv])
         speed = float((speeds / scales).max()) + np.finfo(float).tiny
@@ -92,12 +92,12 @@ class NewmarkStep:
 
     def end(self, du: Array, z: Array) -> tuple[Array, Array]:
         """Return the displacement of y, (ny,), and lam of all rows, (ng,)."""
-        s, moved = self.system, self.displacement(du, z)
-        q = s.manifold.integrate(self.chart.q, moved[: s.nv])
+        s, displacement = self.system, self.displacement(du, z)
+        q = s.manifold.integrate(self.chart.q, displacement[: s.nv])
         U, G = s.inertia(self.t + self.h, q), s.jacobian()
         s._last_q, s._last = q, (U, G)
         s.selection_trigger.probe(U, G, self.rows)
-        return moved, s.all_multipliers(U, G, self.rows, z[: len(self.rows)])
+        return displacement, s.all_multipliers(U, G, self.rows, z[: len(self.rows)])
 
 
 def newmark_step(system: "Index2System", t: float, h: float, y: Array, stabilized: bool) -> NewmarkStep:

@@ -158,9 +158,9 @@ def _require_satisfied(system: "Index2System", t: float, G: Array, x: Array, r: 
     """Raise if G x + r, (ng,), is more than `VISIBLE` of its largest terms."""
     names, size = _violated(system, t, G, x, r)
     if names:
-        text = f"no {what} satisfy all of them, the residual is {size:.1g} of the largest"
+        text = f"no {what} satisfy all of them; the residual is {size:.1g} of the largest term"
         closed = [repr(s.name) for s in system.mechanism.switches if repr(s.name) in names]
-        if len(closed) > 1:  # multipliers of dependent contacts are not unique, so none of the contacts opens
+        if len(closed) > 1:  # multipliers of dependent contacts are not unique, so none of the contacts separates
             text += f"; {' and '.join(closed)} are closed without clearance between them: give one of them a gap"
         raise StepError("driver", f"{names} contradict each other at t = {t:.17g}: {text}")
 

@@ -14,7 +14,7 @@ from ...closures import independent_rows
 if TYPE_CHECKING:
     from ..index2 import Index2System
 
-NEARBY = THREE_DIGITS  # rad or characteristic lengths: distance of the configuration of comparison
+NEARBY = THREE_DIGITS  # rad or characteristic lengths: distance to the configuration for comparison
 GROWTH = 100.0  # growth of rows over this distance that shows a singular configuration
 
 
@@ -66,8 +66,8 @@ def start(system: "Index2System", t: float, y: Array, project: bool) -> tuple[Ar
     """
     q = system.split(y)[0]
     if system.ng and (size := _size(system, q)) < system.ambiguous_pivot:
-        move = NEARBY * system.mechanism.coordinate_scales * independent_rows.random_probe(system.nv)
-        if max(GROWTH * size, CLOSED) < _size(system, system.manifold.integrate(q, move)):
+        displacement = NEARBY * system.mechanism.coordinate_scales * independent_rows.random_probe(system.nv)
+        if max(GROWTH * size, CLOSED) < _size(system, system.manifold.integrate(q, displacement)):
             active = np.delete(system.mechanism.row_names, system.constraints.inactive)
             names = " and ".join(repr(str(name)) for name in dict.fromkeys(active))
             text = f"the run would begin next to a singular configuration, at t = {t:.17g}, where G v = 0 for every v"
@@ -142,7 +142,7 @@ def smallest_pivot(system: "Index2System", t: float, y: Array) -> SmallestPivot:
     U, G, r = system.inertia(t, system.split(y)[0]), system.jacobian(), system.rank or 1
     B = independent_rows.mass_scaled(U, G)
     if system.ng > independent_rows.MANY_ROWS:
-        diagonal = independent_rows.pivots_of_many(B, system.elimination_order, EPS**0.5)[1]
+        diagonal = independent_rows.windowed_pivots(B, system.elimination_order, EPS**0.5)[1]
     else:
         diagonal = independent_rows.pivots(B)[1]
     if r > len(diagonal):

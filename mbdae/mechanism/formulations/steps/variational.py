@@ -1,4 +1,4 @@
-"""Step of the variational integrator RATTLE of a mechanism, on any configuration manifold.
+"""Step of the variational integrator RATTLE for a mechanism, on any configuration manifold.
 
 The discrete Lagrangian of the trapezoidal rule in the coordinates x of a step, q_1 = q_0 (+) x, w = x/h,
 
@@ -10,9 +10,9 @@ has the discrete equations of motion, with J = J(x), J(x) x = x, and d log(q_0^-
     M_1 v_1 = J(x)^T (M_0 + M_1)/2 w + h/2 (D(q_1, w) + G_1^T mu),     0 = G_1 v_1 + g_t(t_1),
 
 where D(q, w) = d(w^T M w/2 - U)/dq + tau = N^T w/2 + tau - gravity and N(q, w) = d(M w)/dq, both in the tangent. The
-step is symmetric: from (q_1, v_1), -h leads back, with lam and mu exchanged. Without friction and damping it is
-symplectic. lam and mu approximate the multipliers at the start and at the end, of order 1. The work is integrated by
-the trapezoidal rule, with the power at both ends.
+step is symmetric: a step -h from (q_1, v_1) returns to (q_0, v_0), with lam and mu exchanged. Without friction and
+damping it is symplectic. lam and mu approximate the multipliers at the start and at the end, of order 1. The work is
+integrated by the trapezoidal rule, with the power at both ends.
 
 Source: Leimkuhler, Reich, Simulating Hamiltonian Dynamics (2004), chapter 7; Hairer, Lubich, Wanner, Geometric
 Numerical Integration, sections VI.6 and VII.1; Celledoni, Marthinsen, Owren, J. Comput. Phys. 257 (2014), for J.

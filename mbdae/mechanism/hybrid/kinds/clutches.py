@@ -1,4 +1,4 @@
-"""One-way clutches, which lock against backward rotation, and ratchets, which lock at their teeth."""
+"""One-way clutches, which lock against backward motion, and ratchets, which lock at their teeth."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -149,15 +149,15 @@ class Ratchet(OneWayClutch):
         teeth = {"pitch": self.pitch, "tooth": self.tooth, "factors": self.coefficients.tolist()}
         return core_switch(self, "ratchet", sign=self.sign, positions=list(self.columns), **teeth)
 
-    def _in_tooth(self, point: "ModePoint") -> bool:
+    def _is_at_tooth(self, point: "ModePoint") -> bool:
         position = self.position_in_pitches(point)
         return abs(position - round(position)) < COINCIDENT
 
     def impact_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[ImpactRow, ...]:
-        return (ImpactRow(self.row, self.sign),) if state == LOCKED or self._in_tooth(point) else ()
+        return (ImpactRow(self.row, self.sign),) if state == LOCKED or self._is_at_tooth(point) else ()
 
     def candidate_rows(self, point: "ModePoint", state: int, tolerance: float) -> tuple[CandidateRow, ...]:
-        return super().candidate_rows(point, state, tolerance) if state == LOCKED or self._in_tooth(point) else ()
+        return super().candidate_rows(point, state, tolerance) if state == LOCKED or self._is_at_tooth(point) else ()
 
     def next_state(
         self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool

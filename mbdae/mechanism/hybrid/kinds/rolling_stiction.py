@@ -85,8 +85,8 @@ class RollingStiction(Switch):
             if not slip @ self._acceleration(point) < 0:
                 return False
             if slips and self._is_unresolved(point, h):
-                unclear = nextafter(float(np.linalg.norm(slip)) / CLEAR_SLIP, inf)
-                point.system.set_min_slip_speed(max(unclear, point.system.closure_friction.min_slip_speed))
+                unresolved = nextafter(float(np.linalg.norm(slip)) / CLEAR_SLIP, inf)
+                point.system.set_min_slip_speed(max(unresolved, point.system.closure_friction.min_slip_speed))
             return not self.slips(point)
 
         rate: PointFunction = lambda x: float(self._acceleration(x) @ first[0][1])  # noqa: E731
@@ -118,7 +118,7 @@ class RollingStiction(Switch):
     def slips(self, point: "ModePoint") -> bool:
         """Return whether the contact slides."""
         speed = float(np.linalg.norm(point.rate[self.no_slip]))
-        if self._is_planar and not point.system.closure_friction.is_clear(speed):
+        if self._is_planar and not point.system.closure_friction.is_resolved(speed):
             return False
         return speed > TRANSVERSE * point.velocity_tolerance(self.no_slip[0])
 
@@ -178,8 +178,8 @@ class RollingStiction(Switch):
             StepError: if the normal is opposite to the z axis of a sphere.
         """
         system.jacobian(system.split(y)[0])
-        surface = system.closure_friction.interfaces[self.friction_index].pair
-        if np.linalg.norm(system.constraints.W[:3, self.normal] + surface.Ra[:, 2]) <= PARALLEL:
+        pair = system.closure_friction.interfaces[self.friction_index].pair
+        if np.linalg.norm(system.constraints.W[:3, self.normal] + pair.Ra[:, 2]) <= PARALLEL:
             where = "the normal is -z of its first frame, and tangents are undefined: rotate this frame"
             raise StepError("singular", f"{self.name!r} begins to slide where {where}")
 
