@@ -1,8 +1,8 @@
 """Exact derivatives of a mechanism's equations with respect to its parameters: masses, placements, stiffnesses, ...
 
-A parameter is a direction in the components of a mechanism: changes dpi of the ten inertial parameters of a body, a twist xi of a
-joint placement or of a frame, gravity, armature, parameters of closures, drivers and forces. The directions are
-computed once, from mechanisms with other values. At a point
+A parameter is a direction in the components of a mechanism: changes dpi of the ten inertial parameters of a body, a
+twist xi of a joint placement or of a frame, gravity, armature, parameters of closures, drivers and forces. The
+directions are computed once, from mechanisms with other values. At a point
 
     inertial parameters          d(M v' + nle) = Y dpi with the bodies' regressors Y
     placements and frames        columns of K, B, G and gamma_q of a frozen free joint there, times xi
@@ -129,7 +129,7 @@ class Parameters:
         return True
 
     def _choose_width(self, p: Parameter, along: Sequence[At]) -> None:
-        """Use a width at which differences of laws and rows are accurate along a run: the effect of a changed frequency grows.
+        """Use a width at which differences of laws and rows are accurate along a run, since effects of frequencies grow.
 
         Raises:
             InputError: if no width is accurate.
