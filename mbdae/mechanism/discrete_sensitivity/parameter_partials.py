@@ -129,7 +129,7 @@ class Parameters:
         return True
 
     def _choose_width(self, p: Parameter, along: Sequence[At]) -> None:
-        """Use a width at which differences of laws and rows are accurate along a run, since effects of frequencies grow.
+        """Use a width at which differences of laws and rows are accurate along a run: effects of frequencies grow.
 
         Raises:
             InputError: if no width is accurate.

@@ -197,7 +197,7 @@ class Curvature(NamedTuple):
 
 
 def scale_of(e: Array) -> Array:
-    """Return d (k,): d_i^2 is the magnitude of the terms of entry (i, i) of a matrix with error bounds e (k, k); 1 if 0."""
+    """Return d (k,): d_i^2 is the magnitude of the terms of entry (i, i), given error bounds e (k, k); 1 if 0."""
     size = np.sqrt(e.diagonal() / EPS)
     return np.where(size > 0, size, 1.0)
 

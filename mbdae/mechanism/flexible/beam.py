@@ -5,8 +5,9 @@
 along x of the body's frame, from its origin to (length, 0, 0), in both planes; k is the shear stiffness.
 Without shear (Euler-Bernoulli beams) theta = v', and cross-sections have rotary inertia only about x.
 
-Modes of each direction are computed for EI = rho A = 1: they do not depend on modulus and density, and without shear
-not on the section. Their modal mass is the mass of the beam, so a modal coordinate is a mean deflection in m.
+Modes of each direction are computed for EI = rho A = 1: they do not depend on the density, and without shear neither on
+the modulus nor on the section. Their modal mass is the mass of the beam, so a modal coordinate is the
+root-mean-square deflection of its mode in m.
 
 Source of the elements: J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), chapter 11.
 """
@@ -29,7 +30,7 @@ Plane = Literal["y", "z", "space"]
 EndCondition = Literal["clamped", "pinned", "clamped-clamped", "clamped-pinned"]
 
 
-def beam(  # noqa: PLR0913 - the numbers of a beam
+def beam(  # noqa: PLR0913 - the properties of a beam
     length: float,
     young: float,
     density: float,
