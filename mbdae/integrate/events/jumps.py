@@ -1,7 +1,7 @@
 """Times at which a problem may jump: steps end there, and the next step starts after the jump.
 
 The right-hand side may be evaluated at both ends of a step. At exactly the time of a jump it has its value after the
-jump, so a step towards a jump ends a few roundings earlier, and the next step starts at the jump. A solution has a node
+jump, so a step towards a jump ends a few ulps of t earlier, and the next step starts at the jump. A solution has a node
 at both times.
 """
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ..run.step_map import StepMap
 
 MAX_CLUSTER = 100  # jumps that differ only by rounding and count as one
-LATE = 4 * JUMP_MARGIN  # roundings of t: jumps this close count as one, and as the start of a run
+LATE = 4 * JUMP_MARGIN  # ulps of t: jumps this close count as one, and as the start of a run
 
 
 class SmoothInterval(NamedTuple):

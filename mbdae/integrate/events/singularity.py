@@ -260,10 +260,10 @@ class SingularityMonitor(SingularityLocation):
         if crossing is None:
             self.last_attempt = time_ahead, np.inf
             return None
-        error, displacement = self.control.tolerance_norms(run, crossing.y, np.array([crossing.error, crossing.move]))
+        error, distance = self.control.tolerance_norms(run, crossing.y, np.array([crossing.error, crossing.correction]))
         self.stalled_attempts = self.stalled_attempts + 1 if error >= ERROR_REDUCTION * self.last_attempt[1] else 0
         accurate = error <= 1 or (self.stalled_attempts >= MAX_STALLED and error <= MAX_STEP_ERROR)
-        if not accurate or displacement > MAX_PROJECTION * max(1.0, error):
+        if not accurate or distance > MAX_PROJECTION * max(1.0, error):
             self.last_attempt = time_ahead, error
             return None
         return crossing

@@ -1,7 +1,7 @@
 """Complete runs of a mechanism in the compiled core, from many starts, if no run needs Python.
 
 The core begins each run, estimates its first step and takes all steps by the same functions as `mbdae.solve`: results
-agree bit by bit. A run that needs Python in between, or that may be inaccurate, is left to `mbdae.solve`, which
+are bitwise equal. A run that needs Python in between, or that may be inaccurate, is left to `mbdae.solve`, which
 produces the warnings and messages.
 """
 

@@ -27,7 +27,7 @@ NODES, COMPARED = (0, 7, 25, 43, 50), (3, 14, 19, 31, 36, 47)  # interpolation n
 MAX_RESIDUAL = 3.0  # times the tolerance: amplitude of fast modes excited at the stability limit
 STEP_RATIO = 2.0  # ratio of a hypothetical longer step that must be unstable
 ITERATIONS = 12  # iterations of the power method
-WIDTH = 1e-7  # fraction of 1 + |y|: size of the difference
+WIDTH = 1e-7  # fraction of 1 + |y|: norm of the perturbation of y
 MAX_SIZE = 0.9  # fraction of max_step: longer steps are limited by max_step, not by stability or accuracy
 
 
