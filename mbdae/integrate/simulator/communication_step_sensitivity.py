@@ -125,7 +125,7 @@ class CommunicationStepSensitivity:
         return [[*self.trajectory.carry_restart_parts(0), *first], *others]
 
     def tangents(self, dy: Array, dp: Array, dt: Array) -> Array:
-        """Return variations of y at nodes, (n, ny, m), for dy (ny, m) at the first one, dp (k, m) of columns, and dt (m,)."""
+        """Return variations of y at the nodes, (n, ny, m), for dy (ny, m) at the first one, dp (k, m) and dt (m,)."""
         carry, out = np.zeros((self.trajectory.n_carry, dy.shape[1])), [dy]
         if scaled := bool(np.any(dt)):
             self._require_autonomous()
