@@ -46,7 +46,7 @@ class Stiffness:
     h_rho: float
 
     def __str__(self) -> str:
-        steps = f"stiff: at t = {self.t:.6g} s stability keeps steps to {self.h:.2g} s (h*rho = {self.h_rho:.2g})"
+        steps = f"stiff: at t = {self.t:.6g} s stability limits steps to {self.h:.2g} s (h*rho = {self.h_rho:.2g})"
         return f'{steps}, the motion is smooth over {WINDOW} of them: try -m radau9 (method="radau9")'
 
 

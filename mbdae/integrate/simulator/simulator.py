@@ -189,9 +189,9 @@ class Simulator(DifferentiableSimulator):
         if not self.recorded and self._current.stepper.node_count(self._current) > MAX_NODES:
             self._begin_new_run()
         self._last = self._differentiated = None
-        started, begin, node = perf_counter(), self.t, self._current.stepper.node_count(self._current) - 1
-        target = self._on_grid(begin + dt)
-        end = end_of_tables(self.mechanism.drivers, begin, target)
+        started, t0, node = perf_counter(), self.t, self._current.stepper.node_count(self._current) - 1
+        target = self._on_grid(t0 + dt)
+        end = end_of_tables(self.mechanism.drivers, t0, target)
         try:
             restarts, stopped = self._apply_inputs(dt), False
             if restarts or not self._current.stepper.continue_unrecorded(self._current, end):
@@ -208,7 +208,7 @@ class Simulator(DifferentiableSimulator):
             self.status = "driver"
             self.message = next(text for d in self.mechanism.drivers if (text := d.outside(target)))
             raise StepError(self.status, self.message)
-        self._last = LastCommunicationStep(node, begin, restarts or self._fresh, self.t - begin)
+        self._last = LastCommunicationStep(node, t0, restarts or self._fresh, self.t - t0)
         self.status, self._fresh = "event" if stopped else "running", False
         return self.status
 

@@ -17,8 +17,8 @@ class TimeDerivativePartials(NamedTuple):
     """Partial derivatives of y' and of lam of all rows at a point of the hidden constraint.
 
     Attributes:
-        rate: with respect to (y, p, t), (ny, ny + k + 1).
-        lam: similarly, (ng, ny + k + 1).
+        rate: partials of y' with respect to (y, p, t), (ny, ny + k + 1).
+        lam: partials of lam, (ng, ny + k + 1).
     """
 
     rate: Array

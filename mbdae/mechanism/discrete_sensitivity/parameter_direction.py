@@ -98,7 +98,7 @@ class Parameter:
             instants = {(getattr(x, "rate", 0), getattr(x, "offset", 0)) for x in self._forces(i)}
             if len(instants) > 1:
                 name = getattr(self.mech.forces[i], "name", "")
-                raise InputError(f"parameter {self.name!r} moves the instants of {name!r}: no derivative")
+                raise InputError(f"parameter {self.name!r} changes the sampling times of {name!r}: no derivative")
 
     def _forces(self, i: int) -> list[Any]:
         return [m.forces[i] for m in (self.mech, *self.trials)]
@@ -136,7 +136,7 @@ class Parameter:
     def _check_times(self, spec: Any, *perturbed: Any) -> None:
         """Reject changes of times at which a function jumps; if other knots change, use a smaller width."""
         if any(_times(x, "nonsmooth_times") != _times(spec, "nonsmooth_times") for x in perturbed):
-            raise InputError(f"parameter {self.name!r} moves the instants of {spec.name!r}: no derivative")
+            raise InputError(f"parameter {self.name!r} changes the times of jumps of {spec.name!r}: no derivative")
         if any(_times(x, "knots") != _times(spec, "knots") for x in perturbed):
             self.use_width(min(self.h, KNOT_WIDTH * self.width / WIDTH))
 

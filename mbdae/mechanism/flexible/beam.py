@@ -138,10 +138,10 @@ def _lowest_shapes(
     directions: Sequence[Direction], modes: int, loads: Sequence[str], elements_at: Mapping[str, tuple[int, float]]
 ) -> Shapes:
     """Return the lowest modes of all directions and modes of deflections under loads, by frequency."""
-    number = sum(d.free for d in directions)
-    if modes > number:
+    count = sum(d.free for d in directions)
+    if modes > count:
         elements = directions[0].grid.elements
-        raise InputError(f"beam: {elements} elements have {number} modes with these ends, got modes = {modes}")
+        raise InputError(f"beam: {elements} elements have {count} modes with these ends, got modes = {modes}")
     known = [_loads(d, elements_at) for d in directions]
     require_loads(loads, [load for table in known for load in table])
     normal = [d.normal_modes(min(modes, d.free)) for d in directions]

@@ -224,8 +224,8 @@ class Shapes:
     @cached_property
     def _shortening_before(self) -> Array:
         """Integrals from the left end to each element, (elements + 1, k, k)."""
-        whole = np.array([self._integral(e, 1.0) for e in range(self.grid.elements)])
-        return np.concatenate([np.zeros((1, *whole.shape[1:])), np.cumsum(whole, axis=0)])
+        per_element = np.array([self._integral(e, 1.0) for e in range(self.grid.elements)])
+        return np.concatenate([np.zeros((1, *per_element.shape[1:])), np.cumsum(per_element, axis=0)])
 
     def _integral(self, e: int, end: float) -> Array:
         out = np.zeros((len(self.squares),) * 2)

@@ -26,7 +26,7 @@ def beyond_linear(model: pin.Model, q: Array) -> str:
     return "; ".join(found)
 
 
-def bends_by_its_size(model: pin.Model, q: Array) -> bool:
+def deflection_exceeds_size(model: pin.Model, q: Array) -> bool:
     """Return whether the deflection of a flexible body is larger than the body: linear modes have no meaning there.
 
     Args:
