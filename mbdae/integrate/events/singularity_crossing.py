@@ -29,7 +29,7 @@ SAMPLES = 24  # number of samples in the search range
 DEPTH = 0.05  # fraction of the current pivot ratio: smaller minima are singular configurations
 OVERSHOOT = 1.3  # times the time to the singular configuration: smallest size of a crossing
 MIN_REMAINING = 0.7  # times the time to the singular configuration: a run that ends earlier does not cross it
-POSITION_ACCURACY = INTERPOLATION  # of a singular configuration, in rad or characteristic lengths
+POSITION_ACCURACY = INTERPOLATION  # rad or characteristic lengths: accuracy of the position of a singular configuration
 
 
 class SingularityCrossing(NamedTuple):
