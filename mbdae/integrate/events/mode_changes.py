@@ -73,7 +73,7 @@ class ModeChanges(EventSource):
 
     @classmethod
     def from_run(cls, run: "RunState") -> "ModeChanges | None":
-        if not run.mechanical or not (switches := run.mechanical.mechanism.switches):
+        if not run.mechanism_system or not (switches := run.mechanism_system.mechanism.switches):
             return None
         name, formulation = switches[0].name, run.options.formulation
         if formulation != "index2":
@@ -82,7 +82,7 @@ class ModeChanges(EventSource):
             )
         if run.sign < 0:
             raise InputError(f"{name!r}: a run with modes cannot go backward in time: impacts are irreversible")
-        return cls(run.mechanical, 0.0 if run.options.step else run.options.rtol)
+        return cls(run.mechanism_system, 0.0 if run.options.step else run.options.rtol)
 
     def _point(self, t: float, y: Array) -> ModePoint:
         return ModePoint(self.system, self.all_rows, t, y)

@@ -60,10 +60,10 @@ class SingularityMonitor(SingularityLocation):
 
     @classmethod
     def from_run(cls, run: "RunState") -> "SingularityMonitor | None":
-        if not run.mechanical or not run.mechanical.ng:
+        if not run.mechanism_system or not run.mechanism_system.ng:
             return None
         formulation = run.options.formulation
-        return cls(run.mechanical, run.project or formulation == "ggl", run.control, formulation == "index2")
+        return cls(run.mechanism_system, run.project or formulation == "ggl", run.control, formulation == "index2")
 
     def after_discontinuity(self, run: "RunState", node: int, mode_changed: bool) -> None:
         """Discard the history; after a mode change, reject fixed steps next to a singular configuration.

@@ -73,9 +73,9 @@ class StiffnessDetector(EventSource):
 
     @classmethod
     def from_run(cls, run: "RunState") -> "StiffnessDetector | None":
-        if not run.mechanical or not (control := run.control) or not isinstance(run.tableau, Tableau):
+        if not run.mechanism_system or not (control := run.control) or not isinstance(run.tableau, Tableau):
             return None
-        return cls(run.mechanical, run.tableau, control)
+        return cls(run.mechanism_system, run.tableau, control)
 
     def warning(self) -> str:
         return str(self.stiffness or "")
