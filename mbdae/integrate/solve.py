@@ -50,13 +50,13 @@ def solve(
 
     Args:
         problem: a mechanism, a `mbdae.Hessenberg` problem (with its own start), or an argument of `mbdae.load`.
-        t_span: end, or start and end in s; the end may lie before the start. From 0 to the model's duration when left
-            out.
-        q: consistent start configuration (nq,); the model's start when left out.
-        v: consistent start velocity (nv,); the model's start when left out.
-        s: start values (ns,) of the states of actuators and controllers; their defaults when left out.
+        t_span: end, or start and end in s; the end may lie before the start. From 0 to the model's duration if
+            omitted.
+        q: consistent start configuration (nq,); the model's start if omitted.
+        v: consistent start velocity (nv,); the model's start if omitted.
+        s: start values (ns,) of the states of actuators and controllers; their defaults if omitted.
         method: a name of `mbdae.METHODS`, a `mbdae.Tableau`, or the file of one, ``"mine.toml"``; ``"ida"``, SUNDIALS'
-            BDF (``pip install "mbdae[sundials]"``); pherk6 when left out; for ``"index1"`` dop853, or one of scipy's
+            BDF (``pip install "mbdae[sundials]"``); pherk6 if omitted; for ``"index1"`` dop853, or one of scipy's
             RK45, DOP853, Radau, LSODA.
         formulation: ``"index2"``: closures enforced at velocity level, and see ``project``; ``"ggl"``: also at position
             level, by a second multiplier; ``"index1"``: neither, accelerations are integrated as a baseline.
@@ -66,16 +66,16 @@ def solve(
             steps, which serve to study methods. Without projection, g and redundant rows drift with the errors of the
             method.
         baumgarte: alpha and beta in 1/s, for ``"index1"``: 0 = G v' + gamma + 2 alpha G v + beta^2 g.
-        step: fixed step in s; when left out, the step size is controlled, and singular configurations are crossed. If a
+        step: fixed step in s; if omitted, the step size is controlled, and singular configurations are crossed. If a
             fixed step would end in a singular configuration, three shorter steps replace two.
-        rtol: relative tolerance per step of q and v; 1e-8 when left out.
-        atol: absolute tolerance, a number or one for each component of (q, v) in the tangent; 0.01 rtol when left out.
-        first_step: first step in s; estimated when left out.
+        rtol: relative tolerance per step of q and v; 1e-8 if omitted.
+        atol: absolute tolerance, a number or one for each component of (q, v) in the tangent; 0.01 rtol if omitted.
+        first_step: first step in s; estimated if omitted.
         max_step: largest step in s.
-        max_steps: largest number of steps taken or rejected; unlimited when left out.
+        max_steps: largest number of steps taken or rejected; unlimited if omitted.
         jumps: times at which forces that depend on t jump: steps end there. The times of jumps of controllers and
             of functions of time in mechanism files are known.
-        t_eval: times to report, in the span's order, interpolated as by ``sol(t)``; all steps when left out.
+        t_eval: times to report, in the span's order, interpolated as by ``sol(t)``; all steps if omitted.
         events: signals and levels, ``"q.slider = 0.3"``, functions event(t, q, v) -> float (textbook problems:
             event(t, y)), or `mbdae.Event` of either; zeros are recorded, and a terminal event ends the run.
         progress: called with the completed fraction, after each step or several times a second.

@@ -28,15 +28,15 @@ class DriverChecks(EventSource):
         self._check(run, run.t)
 
     def explain(self, run: "RunState", reason: StepError) -> StepError:
-        if reason.status not in STATUSES or not run.mechanical:
+        if reason.status not in STATUSES or not run.mechanism_system:
             return reason
         start, end = run.options.t0, run.t1
         reached = (run.t - start) / (end - start)
         try:
-            require_no_dead_point(run.mechanical, run.t, run.ys[-1], run.sign, run.options.step or 0.0)
+            require_no_dead_point(run.mechanism_system, run.t, run.ys[-1], run.sign, run.options.step or 0.0)
             if reason.status in ("step_size", "max_steps"):  # a smaller step does not remove an inconsistent derivative
                 self._check(run, start + min(1.0, reached + MARGIN) * (end - start))
-                require_compatible_accelerations(run.mechanical, run.t, run.ys[-1])
+                require_compatible_accelerations(run.mechanism_system, run.t, run.ys[-1])
         except StepError as cause:
             return cause
         return reason

@@ -1,7 +1,7 @@
 """Times at which a problem may jump: steps end there, and the next step starts after the jump.
 
 The right-hand side may be evaluated at both ends of a step. At exactly the time of a jump it has its value after the
-jump, so a step towards a jump ends a few roundings earlier, and the next step starts at the jump. A solution has a node
+jump, so a step towards a jump ends a few ulps of t earlier, and the next step starts at the jump. A solution has a node
 at both times.
 """
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ..run.step_map import StepMap
 
 MAX_CLUSTER = 100  # jumps that differ only by rounding and count as one
-LATE = 4 * JUMP_MARGIN  # roundings of t: jumps this close count as one, and as the start of a run
+LATE = 4 * JUMP_MARGIN  # ulps of t: jumps this close count as one, and as the start of a run
 
 
 class SmoothInterval(NamedTuple):
@@ -123,10 +123,10 @@ class Jumps(EventSource):
 
     def drop_sampling(self, run: "RunState") -> None:
         """Remove the last node if controllers were sampled just before it: a continued run samples them itself."""
-        if len(run.ts) < 2 or not run.mechanical:
+        if len(run.ts) < 2 or not run.mechanism_system:
             return
         t, gap = run.t, abs(run.t - run.ts[-2])  # 0 at a reset
-        changed, states = run.ys[-1] != run.ys[-2], slice(-1 - run.mechanical.ns, -1)
+        changed, states = run.ys[-1] != run.ys[-2], slice(-1 - run.mechanism_system.ns, -1)
         at_jump = 0 < gap <= _width(t, self.t1)
         if at_jump and changed.sum() == changed[states].sum() > 0:
             run.drop_nodes_after(len(run.ts) - 2)
@@ -168,7 +168,7 @@ def _width(t: float, t1: float) -> float:
 
 def _knots(run: "RunState", t0: float, t1: float) -> Sequence[float]:
     """Return the knots of forces and motions between two times if the run has modes: multipliers have extrema there."""
-    if not (system := run.mechanical) or not system.mechanism.switches:
+    if not (system := run.mechanism_system) or not system.mechanism.switches:
         return ()
     laws = (signal for law, _ in system.laws.bound for signal in law.signals)
     motions = (d.path for d in run.problem.drivers)

@@ -84,7 +84,7 @@ def crossing_at_jump(
 
 
 def departure_samples(f0: float) -> list[float]:
-    """Return theta of an additional sample if the value at the start of a step is zero: to which side does it go?"""
+    """Return theta of an additional sample if a step starts at zero: it shows to which side the value departs."""
     return [DEPARTURE_WIDTH] if abs(f0) <= SIGNED_ZERO else []
 
 

@@ -73,7 +73,7 @@ class ModeChanges(EventSource):
 
     @classmethod
     def from_run(cls, run: "RunState") -> "ModeChanges | None":
-        if not run.mechanical or not (switches := run.mechanical.mechanism.switches):
+        if not run.mechanism_system or not (switches := run.mechanism_system.mechanism.switches):
             return None
         name, formulation = switches[0].name, run.options.formulation
         if formulation != "index2":
@@ -82,7 +82,7 @@ class ModeChanges(EventSource):
             )
         if run.sign < 0:
             raise InputError(f"{name!r}: a run with modes cannot go backward in time: impacts are irreversible")
-        return cls(run.mechanical, 0.0 if run.options.step else run.options.rtol)
+        return cls(run.mechanism_system, 0.0 if run.options.step else run.options.rtol)
 
     def _point(self, t: float, y: Array) -> ModePoint:
         return ModePoint(self.system, self.all_rows, t, y)
@@ -136,7 +136,7 @@ class ModeChanges(EventSource):
         self.modes = [(0, mode)]
         self._set_mode(mode, run)
 
-    def _resolve_mode(self, run: "RunState", point: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
+    def _resolve_mode(self, run: "RunState", point: ModePoint, separating: set[int]) -> tuple[Array, "Mode"]:
         recent = {i for i, when in self.last_impact.items() if abs(point.t - when) < self.switches[i].rest}
         y, impact = resolve_impact(point, self.unswitched, recent, self.resting)
         self.resting = set()
@@ -144,7 +144,7 @@ class ModeChanges(EventSource):
             self.impacts.append(impact)
             self.last_impact |= {s.index: point.t for s in self.switches if s.name in impact.where}
         point = self._point(point.t, y)
-        return y, select_mode(point, self.unswitched, opened, multipliers_after_short_step(run, point))
+        return y, select_mode(point, self.unswitched, separating, multipliers_after_short_step(run, point))
 
     def first_event(self, step: "StepMap") -> Occurrence | None:
         """Return the end of the mode in a step, where the first guards cross zero."""
@@ -212,9 +212,9 @@ class ModeChanges(EventSource):
         self.modes.append((len(run.ts) - 1, mode))
         return y
 
-    def _enter_next_mode(self, run: "RunState", point: ModePoint, opened: set[int]) -> tuple[Array, "Mode"]:
+    def _enter_next_mode(self, run: "RunState", point: ModePoint, separating: set[int]) -> tuple[Array, "Mode"]:
         """Resolve impacts at a point, and enter the next mode; return the point after them, and that mode."""
-        y, mode = self._resolve_mode(run, point, opened)
+        y, mode = self._resolve_mode(run, point, separating)
         self._set_mode(mode, run)
         return self.system.project_state(run.t, y) if run.project else y, mode
 
@@ -234,17 +234,17 @@ class ModeChanges(EventSource):
         return False
 
     def continue_from(
-        self, run: "RunState", point: ModePoint, opened: set[int], with_work: Callable[[Array], Array] = np.asarray
+        self, run: "RunState", point: ModePoint, separating: set[int], with_work: Callable[[Array], Array] = np.asarray
     ) -> None:
         """Continue after impacts at a point, with a second node of the run at the same time.
 
         Args:
             run: the run.
             point: the point.
-            opened: indices of the switches whose contacts separate.
+            separating: indices of the switches whose contacts separate.
             with_work: returns y with its work component updated.
         """
-        y, mode = self._enter_next_mode(run, point, opened)
+        y, mode = self._enter_next_mode(run, point, separating)
         self.modes.append((len(run.ts), mode))
         run.switch_mode(with_work(y))
         self._track(run.t, run.ys[-1])
@@ -295,5 +295,5 @@ class ModeChanges(EventSource):
 
 
 def _separating(fired: list[Guard]) -> set[int]:
-    """Return the switches whose contacts open."""
+    """Return the switches whose contacts separate."""
     return {g.switch for g in fired if g.kind == "separation"}

@@ -65,9 +65,10 @@ def shortest_step(run: "RunState") -> float:
 
 
 def resolution_error(guards: Sequence["TrackedGuard"], at: PointAt, thetas: Array, step_size: float) -> float:
-    """Return the largest deviation of a multiplier from a cubic over the tolerance; above 1, more samples are needed.
+    """Return the largest ratio of the deviation of a multiplier from a cubic to its tolerance.
 
-    Samples that may miss a double crossing of a guard also count. The deviation has order 4 in the sample spacing.
+    Above 1, more samples are needed. Samples that may miss a double crossing of a guard also count. The deviation has
+    order 4 in the sample spacing.
 
     Args:
         guards: the guards of the mode.

@@ -56,14 +56,14 @@ class Resets(EventSource):
 
     @classmethod
     def from_run(cls, run: "RunState") -> "Resets | None":
-        if not run.mechanical or not (resets := run.mechanical.mechanism.resets):
+        if not run.mechanism_system or not (resets := run.mechanism_system.mechanism.resets):
             return None
         name, formulation = resets[0].name, run.options.formulation
         if formulation == "index1":
             raise InputError(f"event {name!r}: states jump in formulations 'index2' and 'ggl', got {formulation!r}")
         if run.sign < 0:
             raise InputError(f"event {name!r}: a run whose state jumps cannot go backward in time")
-        return cls(run.mechanical)
+        return cls(run.mechanism_system)
 
     def begin_interval(self, run: "RunState") -> None:
         """Start to track the signals."""

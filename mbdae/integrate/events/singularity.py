@@ -60,10 +60,10 @@ class SingularityMonitor(SingularityLocation):
 
     @classmethod
     def from_run(cls, run: "RunState") -> "SingularityMonitor | None":
-        if not run.mechanical or not run.mechanical.ng:
+        if not run.mechanism_system or not run.mechanism_system.ng:
             return None
         formulation = run.options.formulation
-        return cls(run.mechanical, run.project or formulation == "ggl", run.control, formulation == "index2")
+        return cls(run.mechanism_system, run.project or formulation == "ggl", run.control, formulation == "index2")
 
     def after_discontinuity(self, run: "RunState", node: int, mode_changed: bool) -> None:
         """Discard the history; after a mode change, reject fixed steps next to a singular configuration.
@@ -260,10 +260,10 @@ class SingularityMonitor(SingularityLocation):
         if crossing is None:
             self.last_attempt = time_ahead, np.inf
             return None
-        error, displacement = self.control.tolerance_norms(run, crossing.y, np.array([crossing.error, crossing.move]))
+        error, distance = self.control.tolerance_norms(run, crossing.y, np.array([crossing.error, crossing.correction]))
         self.stalled_attempts = self.stalled_attempts + 1 if error >= ERROR_REDUCTION * self.last_attempt[1] else 0
         accurate = error <= 1 or (self.stalled_attempts >= MAX_STALLED and error <= MAX_STEP_ERROR)
-        if not accurate or displacement > MAX_PROJECTION * max(1.0, error):
+        if not accurate or distance > MAX_PROJECTION * max(1.0, error):
             self.last_attempt = time_ahead, error
             return None
         return crossing

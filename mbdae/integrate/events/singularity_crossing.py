@@ -29,7 +29,7 @@ SAMPLES = 24  # number of samples in the search range
 DEPTH = 0.05  # fraction of the current pivot ratio: smaller minima are singular configurations
 OVERSHOOT = 1.3  # times the time to the singular configuration: smallest size of a crossing
 MIN_REMAINING = 0.7  # times the time to the singular configuration: a run that ends earlier does not cross it
-POSITION_ACCURACY = INTERPOLATION  # rad or characteristic lengths: of a singular configuration
+POSITION_ACCURACY = INTERPOLATION  # rad or characteristic lengths: accuracy of the position of a singular configuration
 
 
 class SingularityCrossing(NamedTuple):
@@ -40,7 +40,7 @@ class SingularityCrossing(NamedTuple):
         y: point at t; after the singularity, on the closures.
         path: y as a function of the time since the start of the crossing, (dt) -> (n,).
         error: difference of the polynomials of degree 2 k - 1 and 2 k - 3 through k and k - 1 states, in the tangent.
-        move: displacement of the end point by the projection.
+        correction: displacement of the end point by the projection.
         singular: the singular configuration.
     """
 
@@ -48,7 +48,7 @@ class SingularityCrossing(NamedTuple):
     y: Array
     path: "ContinuationPolynomial"
     error: Array
-    move: Array
+    correction: Array
     singular: Singular
 
 
@@ -73,9 +73,8 @@ class ContinuationPolynomial:
         derivatives = powers * x[:, None] ** np.maximum(powers - 1, 0)
         self.c = np.linalg.solve(np.vstack([values, derivatives]), np.vstack([us, self.unit * rates]))
         if not system.manifold.flat:
-            zero, rtol = np.zeros(system.nv), EVALUATION_ROUNDING
-            span = (0.0, reach)
-            self.rotation = solve_ivp(self._rate, span, zero, "DOP853", dense_output=True, rtol=rtol, atol=ROUNDING).sol
+            zero, tolerances = np.zeros(system.nv), {"rtol": EVALUATION_ROUNDING, "atol": ROUNDING}
+            self.tangent_path = solve_ivp(self._rate, (0.0, reach), zero, "DOP853", dense_output=True, **tolerances).sol
 
     def _rate(self, dt: float, x: Array) -> Array:
         return self.system.manifold.tangent(x, self.tail(dt)[: self.system.nv])
@@ -91,7 +90,7 @@ class ContinuationPolynomial:
             k = np.arange(1, len(self.c) + 1)
             x = (self.unit * (dt / self.unit) ** k / k) @ self.c[:, : s.nv]
         else:
-            x = self.rotation(dt)
+            x = self.tangent_path(dt)
         return np.concatenate([s.manifold.integrate(self.y[: s.nq], x), self.tail(dt)])
 
 

@@ -63,7 +63,7 @@ class UserEvents(EventSource):
     @classmethod
     def from_run(cls, run: "RunState") -> "UserEvents":
         system, events = run.system, run.options.events
-        mechanism = run.mechanical and run.mechanical.mechanism
+        mechanism = run.mechanism_system and run.mechanism_system.mechanism
         modes = bool(mechanism and (mechanism.switches or mechanism.resets))
         return cls(events, lambda e, t, y: event_value(system, e, t, y), _signals(run), modes)
 
@@ -292,8 +292,8 @@ def _signals(run: "RunState") -> dict[int, SignalEvent]:
     texts = {i: (e.function, e.direction) for i, e in enumerate(run.options.events) if isinstance(e.function, str)}
     if not texts:
         return {}
-    if not run.mechanical:
+    if not run.mechanism_system:
         text, _ = next(iter(texts.values()))
         raise InputError(f"events of a textbook problem are functions event(t, y), got {text!r}")
-    workspace = run.mechanical.new_workspace()
+    workspace = run.mechanism_system.new_workspace()
     return {i: SignalEvent.from_text(workspace, workspace.mechanism, *text) for i, text in texts.items()}

@@ -1,7 +1,7 @@
 """Complete runs of a mechanism in the compiled core, from many starts, if no run needs Python.
 
 The core begins each run, estimates its first step and takes all steps by the same functions as `mbdae.solve`: results
-agree bit by bit. A run that needs Python in between, or that may be inaccurate, is left to `mbdae.solve`, which
+are bitwise equal. A run that needs Python in between, or that may be inaccurate, is left to `mbdae.solve`, which
 produces the warnings and messages.
 """
 
@@ -113,7 +113,7 @@ def consistent_starts(run: RunState, y: Array, parameters: RunParameters) -> Arr
     """Return whether points are consistent starts, by the criteria of `mbdae.solve`, (k,).
 
     Args:
-        run: a run of the mechanism, before its beginning.
+        run: a run of the mechanism, before it begins.
         y: the points, (k, n).
         parameters: parameters of each run; if there are any, the characteristic rate, which depends on them, is not
             used to allow violations.
@@ -156,7 +156,7 @@ def solve_in_core(run: RunState, y: Array, stop: Array, parameters: RunParameter
     """Solve runs from several starts in the core, as many as possible before a flag is set.
 
     Args:
-        run: a run of the mechanism, before its beginning; another thread may not use it. See `reason_for_python`.
+        run: a run of the mechanism, before it begins; another thread may not use it. See `reason_for_python`.
         y: starts, (k, n).
         stop: the flag, (1,) of type uint8, which another thread may set.
         parameters: parameters of each run; then the mechanism belongs to this thread. See

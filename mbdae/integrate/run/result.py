@@ -34,14 +34,14 @@ def make_solution(run: RunState, problem: Problem, status: str, message: str, se
     results = _results(run)
     full = Solution(problem, *run.nodes(), status, message, stats, settings, **results)
     out = full if run.options.t_eval is None else _at_times(full, run.options.t_eval, run.sign, results)
-    if out.success and (system := run.mechanical):
+    if out.success and (system := run.mechanism_system):
         vibrations = find_vibrations(full)
         if warnings := accuracy_warnings(full, system, vibrations):
             event = f" ({out.message})" if status == "event" else ""
             out.status, out.message = "doubtful", f"{warnings}{event}"
         elif vibrations and (limit := limiting_vibration(full, vibrations)):
             out.message = f"{out.message}; {limit}"
-    elif run.mechanical and status in DIVERGED and (why := amplified_vibrations(full)):
+    elif run.mechanism_system and status in DIVERGED and (why := amplified_vibrations(full)):
         out.message = f"{why} ({out.message})"
     log.info(
         "%s: %s, %s steps by %s (%s back end), %.3g s: %s",
@@ -53,8 +53,8 @@ def make_solution(run: RunState, problem: Problem, status: str, message: str, se
 def _statistics(run: RunState, seconds: float) -> dict[str, Any]:
     stats: dict[str, Any] = {"steps": run.steps, "rejected": run.rejected, **run.system.counts.to_dict()}
     stats |= {"seconds": seconds, "backend": run.stepper.backend}
-    if run.mechanical:
-        stats["drift"] = float(run.mechanical.largest_g)
+    if run.mechanism_system:
+        stats["drift"] = float(run.mechanism_system.largest_g)
     if run.fallback:
         stats["fallback"] = run.fallback
     for source in run.sources:
@@ -67,8 +67,8 @@ def _results(run: RunState) -> dict[str, Any]:
     n = len(run.ts)
     out: dict[str, Any] = {"in_use": [(i, rows) for i, rows in run.in_use if i < n]}
     out["carried"] = run.carries.up_to(n - 1)
-    if run.mechanical:
-        states = run.mechanical.laws.external_states(run.mechanical.element_states(run.ys[n - 1]))
+    if run.mechanism_system:
+        states = run.mechanism_system.laws.external_states(run.mechanism_system.element_states(run.ys[n - 1]))
         out["external"] = {name: x for name, x in states.items() if x}
     for source in run.sources:
         out |= source.results(run)

@@ -75,7 +75,7 @@ def violated_velocity_rows(sol: Solution, system: Index2System) -> str:
     sizes = np.abs(rates / sol.mechanism.row_scales)
     used = list(sol.in_use[-1][1]) if sol.in_use else slice(None)
     rows = "rows" if sizes[used].max() > NEGLIGIBLE * sizes.max() else "rows that depended on others"
-    message = f"{rows} are not kept: |G v| reached {slip:.2g} of the largest speeds"
+    message = f"{rows} are not satisfied: |G v| reached {slip:.2g} of the largest speeds"
     return f"{message} ({worst.name!r} {'slips' if worst.velocity_only else 'is violated'} by {worst.text} at the end)"
 
 
@@ -128,7 +128,7 @@ def dependent_rows_changed(sol: Solution, system: Index2System) -> str:
     if not residual.max() > AMBIGUOUS_PIVOT * size:
         return ""
     name = sol.mechanism.row_names[int(residual.argmax())]
-    return f"{name!r} depended on other closures at the start and does not now: they cannot all be kept while it moves"
+    return f"{name!r} depended on other closures at the start and does not now: they cannot all be satisfied in motion"
 
 
 def lift_off(sol: Solution, system: Index2System) -> str:

@@ -78,7 +78,7 @@ def _make_run(
     if isinstance(problem, Mechanism):  # recorded before controllers, modes and projections change the start
         values, nq, nv = y.tolist(), problem.nq, problem.nv
         run.settings |= {"q": values[:nq], "v": values[nq : nq + nv], "s": values[nq + nv : -1]}
-    if system.nz and run.mechanical and run.control:
+    if system.nz and run.mechanism_system and run.control:
         run.backward_stepper = BackwardStepper.from_run(run, float(run.control.rtol))
     return run
 

@@ -57,7 +57,7 @@ class RunState:
         self.t, self.t1, self.sign, self.discontinuities = options.t0, options.end, options.sign, 0
         self.continues = self.restarted = False  # see `continue_to`; carry restarted by a projection
         self.system, self.stepper, self.state = system, stepper, State(start)
-        self.mechanical = cast(Index2System, system) if isinstance(problem, Mechanism) else None  # the workspace
+        self.mechanism_system = cast(Index2System, system) if isinstance(problem, Mechanism) else None  # the workspace
         self.control: Adaptive | None = None if options.formulation == "index1" else stepper.control  # None: baseline
         self.interval = SmoothInterval(self.t1, self.t1, None)  # corrected when the run begins
         self.rejected: int | None = 0
@@ -276,10 +276,10 @@ class RunState:
 
     def release(self) -> None:
         """Release the workspaces of the run."""
-        if self.mechanical:
+        if self.mechanism_system:
             for source in self.sources:
                 source.release()
-            self.mechanical.mechanism.workspaces.release(self.mechanical)
+            self.mechanism_system.mechanism.workspaces.release(self.mechanism_system)
 
     def nodes(self) -> tuple[Array, Array, Array]:
         """Return t (n,), y (n, ...) and z (n, nz) of the nodes so far, even after an interrupt."""

@@ -27,7 +27,7 @@ NODES, COMPARED = (0, 7, 25, 43, 50), (3, 14, 19, 31, 36, 47)  # interpolation n
 MAX_RESIDUAL = 3.0  # times the tolerance: amplitude of fast modes excited at the stability limit
 STEP_RATIO = 2.0  # ratio of a hypothetical longer step that must be unstable
 ITERATIONS = 12  # iterations of the power method
-WIDTH = 1e-7  # fraction of 1 + |y|: size of the difference
+WIDTH = 1e-7  # fraction of 1 + |y|: norm of the perturbation of y
 MAX_SIZE = 0.9  # fraction of max_step: longer steps are limited by max_step, not by stability or accuracy
 
 
@@ -46,7 +46,7 @@ class Stiffness:
     h_rho: float
 
     def __str__(self) -> str:
-        steps = f"stiff: at t = {self.t:.6g} s stability keeps steps to {self.h:.2g} s (h*rho = {self.h_rho:.2g})"
+        steps = f"stiff: at t = {self.t:.6g} s stability limits steps to {self.h:.2g} s (h*rho = {self.h_rho:.2g})"
         return f'{steps}, the motion is smooth over {WINDOW} of them: try -m radau9 (method="radau9")'
 
 
@@ -73,9 +73,9 @@ class StiffnessDetector(EventSource):
 
     @classmethod
     def from_run(cls, run: "RunState") -> "StiffnessDetector | None":
-        if not run.mechanical or not (control := run.control) or not isinstance(run.tableau, Tableau):
+        if not run.mechanism_system or not (control := run.control) or not isinstance(run.tableau, Tableau):
             return None
-        return cls(run.mechanical, run.tableau, control)
+        return cls(run.mechanism_system, run.tableau, control)
 
     def warning(self) -> str:
         return str(self.stiffness or "")

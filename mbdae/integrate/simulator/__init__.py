@@ -1,1 +1,1 @@
-"""Simulation in advances, with inputs, snapshots and derivatives of an advance."""
+"""Simulation in communication steps, with inputs, snapshots and derivatives of a communication step."""

@@ -1,4 +1,4 @@
-"""Inputs of a simulator: values to apply in the next advance, and the history of settings."""
+"""Inputs of a simulator: values to apply in the next communication step, and the history of settings."""
 
 from collections.abc import Mapping
 
@@ -8,11 +8,11 @@ from ...mechanism.time_functions.input_functions import InputSetting
 
 
 class InputSettings:
-    """Inputs that were set since the last advance, and all settings of inputs since the start.
+    """Inputs that were set since the last communication step, and all settings of inputs since the start.
 
     Args:
         inputs: the inputs of a mechanism.
-        pending: inputs that were set, by name, since the last advance.
+        pending: inputs that were set, by name, since the last communication step.
 
     Attributes:
         history: the settings of each input, by name.
@@ -32,7 +32,7 @@ class InputSettings:
         return self.pending.get(name, u.at(t))
 
     def set(self, name: str, value: float) -> None:
-        """Set an input for the next advance.
+        """Set an input for the next communication step.
 
         Raises:
             UnknownNameError: lists the inputs.
@@ -44,7 +44,7 @@ class InputSettings:
         self.pending[name] = float(value)
 
     def apply(self, t: float, dt: float) -> bool:
-        """Apply the pending values over an advance from t by dt; return whether an input jumps."""
+        """Apply the pending values over a communication step from t by dt; return whether an input jumps."""
         jumps = False
         for name, u in self.inputs.user_inputs.items():
             now = u.at(t)

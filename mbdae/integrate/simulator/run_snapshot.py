@@ -1,4 +1,4 @@
-"""Snapshots: all data from which a run, or a simulator, continues bit by bit."""
+"""Snapshots: all data from which a run, or a simulator, continues with bitwise equal results."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -62,7 +62,7 @@ class SimulatorState:
     Attributes:
         run: time, state, rows in use, mode and step-size control.
         inputs: the setting of each input, by name.
-        pending: inputs that were set, by name, since the last advance.
+        pending: inputs that were set, by name, since the last communication step.
         start: time in s from which fixed steps are counted.
         origin: the simulator that saved it.
         fresh: whether no step has been taken since the start.
@@ -91,7 +91,7 @@ class SimulatorState:
         """Check that the state belongs to this mechanism, method and fixed step.
 
         Raises:
-            InputError: if it is not.
+            InputError: if it does not.
         """
         n = mechanism.nq + mechanism.nv + len(mechanism.states) + 1
         if self.run.y.shape != (n,) or set(self.inputs) != set(inputs) or len(self.run.mode) != len(mechanism.switches):

@@ -1,4 +1,4 @@
-"""Simulation in advances, between which a controller, a user interface or another program may set inputs."""
+"""Simulation in communication steps, between which a controller, a user interface or another program may set inputs."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,8 +22,8 @@ from ..run.result import joined, make_solution
 from ..run.run_setup import prepare
 from ..run.run_state import RunState
 from ..steppers.fixed import Fixed
-from .advance_sensitivity import LastAdvance
-from .differentiable_advance import DifferentiableAdvance
+from .communication_step_sensitivity import LastCommunicationStep
+from .differentiable_simulator import DifferentiableSimulator
 from .input_settings import InputSettings
 from .run_snapshot import Origin, SimulatorState, external_states, prepare_restored, resume, snapshot
 
@@ -31,13 +31,13 @@ UNLIMITED = 2**31 - 1  # number of fixed steps
 MAX_NODES = 4096  # nodes after which a simulator without a record begins a new run
 
 
-class Simulator(DifferentiableAdvance):
+class Simulator(DifferentiableSimulator):
     """A mechanism that is advanced step by step, with inputs that may change between the steps.
 
         q' = v,   M(q) v' = f(t, q, v, s, u) + G(q)^T lam,   0 = G(q) v + g_t,   u(t) = u_k or u_k + u_k' (t - t_k)
 
-    With constant inputs and fixed steps the states agree with `mbdae.solve` bit by bit. Where an input jumps, the
-    method restarts, as at jumps of functions of time. A simulator must not be shared between threads.
+    With constant inputs and fixed steps the states are bitwise equal to those of `mbdae.solve`. Where an input jumps,
+    the method restarts, as at jumps of functions of time. A simulator must not be shared between threads.
 
     Args:
         model: a mechanism, or the name or path of one.
@@ -46,14 +46,14 @@ class Simulator(DifferentiableAdvance):
         v: consistent start velocity (nv,); the model's start if omitted.
         s: start values (ns,) of states of actuators and controllers; their defaults if omitted.
         record: whether to keep all steps for `solution`; otherwise memory does not grow.
-        restart: whether each advance restarts a method that carries v' between steps, as after a jump. Then its end
-            depends only on the state at its start, inputs and parameters, for `tangent` and `adjoint`.
+        restart: whether each communication step restarts a method that carries v' between steps, as after a jump. Then
+            its end depends only on the state at its start, inputs and parameters, for `tangent` and `adjoint`.
         **options: options of `mbdae.solve`: method, formulation, project, baumgarte, step (fixed; controlled if
             omitted), rtol, atol, first_step, max_step, jumps, events, backend.
 
     Attributes:
         mechanism: a copy whose inputs belong to this simulator.
-        status: ``"running"``; ``"event"`` after an advance that a terminal event ended; otherwise why it has stopped.
+        status: ``"running"``; ``"event"`` if a terminal event ended the last step; otherwise why it has stopped.
         message: description of the status.
 
     Raises:
@@ -83,7 +83,7 @@ class Simulator(DifferentiableAdvance):
     ) -> None:
         problem = problem_of(model, "Simulator")
         if not isinstance(problem, Mechanism):
-            raise InputError("a simulator needs a mechanism; textbook problems run by mbdae.solve")
+            raise InputError("a simulator needs a mechanism; textbook problems are solved by mbdae.solve")
         if excluded := options.keys() & {"t_span", "t_eval", "max_steps", "progress"}:
             raise InputError(f"a simulator takes no {min(excluded)}: it starts at t, and advance() steps it")
         if not is_number(t):
@@ -167,7 +167,7 @@ class Simulator(DifferentiableAdvance):
         return self._settings.value(name, self.t)
 
     def __setitem__(self, name: str, value: float) -> None:
-        """Set an input: from now on, or, with ``hold = "first"``, at the end of the next advance.
+        """Set an input: from now on, or, with ``hold = "first"``, at the end of the next communication step.
 
         Raises:
             UnknownNameError: lists the inputs.
@@ -177,7 +177,7 @@ class Simulator(DifferentiableAdvance):
         self._settings.set(name, value)
 
     def advance(self, dt: float) -> str:
-        """Advance by dt in s; return ``"running"``, or ``"event"`` if a terminal event ended the advance early.
+        """Advance by a step dt in s; return ``"running"``, or ``"event"`` if a terminal event ended the step early.
 
         Raises:
             InputError: for a dt that is not positive, or a simulator that has stopped.
@@ -189,9 +189,9 @@ class Simulator(DifferentiableAdvance):
         if not self.recorded and self._current.stepper.node_count(self._current) > MAX_NODES:
             self._begin_new_run()
         self._last = self._differentiated = None
-        started, begin, node = perf_counter(), self.t, self._current.stepper.node_count(self._current) - 1
-        target = self._on_grid(begin + dt)
-        end = end_of_tables(self.mechanism.drivers, begin, target)
+        started, t0, node = perf_counter(), self.t, self._current.stepper.node_count(self._current) - 1
+        target = self._on_grid(t0 + dt)
+        end = end_of_tables(self.mechanism.drivers, t0, target)
         try:
             restarts, stopped = self._apply_inputs(dt), False
             if restarts or not self._current.stepper.continue_unrecorded(self._current, end):
@@ -208,7 +208,7 @@ class Simulator(DifferentiableAdvance):
             self.status = "driver"
             self.message = next(text for d in self.mechanism.drivers if (text := d.outside(target)))
             raise StepError(self.status, self.message)
-        self._last = LastAdvance(node, begin, restarts or self._fresh, self.t - begin)
+        self._last = LastCommunicationStep(node, t0, restarts or self._fresh, self.t - t0)
         self.status, self._fresh = "event" if stopped else "running", False
         return self.status
 
@@ -242,7 +242,7 @@ class Simulator(DifferentiableAdvance):
     # -- saving and results --------------------------------------------------------------------------------------
 
     def save(self) -> SimulatorState:
-        """Return the state, from which `restore` continues bit by bit like this simulator after this call.
+        """Return the state, from which `restore` continues bitwise like this simulator after this call.
 
         Starting values of Newton's iteration are not saved: both continue without them. A simulator without a record
         discards the steps so far.

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from ..run.run_state import RunState
 
 block_diag = lazy_import("scipy.linalg", "block_diag")
-RATE_WIDTH = 1e-4  # rad, of difference quotients of the rate of configurations
+RATE_WIDTH = 1e-4  # width in rad of difference quotients of rates of configurations
 
 
 class IdaSolver(LibrarySolver):
@@ -133,7 +133,7 @@ class Ida(LibraryStepper):
         """Return the current point of IDA, with the multipliers there."""
         n = len(run.state.y)
         y, dy = self.result.y[:n], self.result.yp
-        x = self.raw.move(self.start, y, dy[:n])[0]
+        x = self.raw.to_chart(self.start, y, dy[:n])[0]
         self.end, z = self.chart.end(run.t + run.sign * h, x, None, dy[n:])
         return self.end_of_step(self.end, z)
 
@@ -144,15 +144,15 @@ class Ida(LibraryStepper):
     def _residual(self, t: float, u: Array, du: Array, out: Array) -> None:
         """Evaluate the residuals at u = (y, Z), (n + m,)."""
         n, counts = len(u) - self.m, self.system.counts
-        r, c = self.chart.residual(t, *self.raw.move(self.start, u[:n], du[:n]), du[n:])
+        r, c = self.chart.residual(t, *self.raw.to_chart(self.start, u[:n], du[:n]), du[n:])
         counts.newton += 1
         counts.solves += 1
-        out[:] = np.concatenate([r, c, self.raw.lengths(u[:n])])
+        out[:] = np.concatenate([r, c, self.raw.unit_residuals(u[:n])])
 
     def _jacobian(self, t: float, u: Array, du: Array, res: Array, cj: float, out: Array) -> None:
         """Evaluate their partials with respect to u plus cj times those with respect to u', (n + m, n + m)."""
         n, ny, m, counts = len(u) - self.m, self.system.ny, self.m, self.system.counts
-        x_dx = self.raw.move(self.start, u[:n], du[:n])
+        x_dx = self.raw.to_chart(self.start, u[:n], du[:n])
         E, A, L, C = self.chart.linearize(*x_dx, du[n:]).matrices()
         x_y, dx_y = self.raw.partials(x_dx[0], u[:n], du[:n])
         counts.factorizations += 1
@@ -191,7 +191,7 @@ class RawCoordinates:
         """Return x' (nv,) at q = q_n (+) x from q' (nq,)."""
         return self.manifold.tangent(x, self._tangent(q) @ dq)
 
-    def move(self, start: Array, y: Array, dy: Array) -> tuple[Array, Array]:
+    def to_chart(self, start: Array, y: Array, dy: Array) -> tuple[Array, Array]:
         """Return x and x' (ny,) from y and y', (n,), in the chart at a start (n,)."""
         if not self.units:
             return y - start, dy
@@ -199,7 +199,7 @@ class RawCoordinates:
         x = self.system.difference(start, np.concatenate([q, y[self.nq :]]))
         return x, np.concatenate([self._rate(x[: self.nv], q, dy[: self.nq]), dy[self.nq :]])
 
-    def lengths(self, y: Array) -> Array:
+    def unit_residuals(self, y: Array) -> Array:
         """Return (|u|^2 - 1)/2 of each unit vector."""
         return np.array([(y[block] @ y[block] - 1) / 2 for block in self.units])
 

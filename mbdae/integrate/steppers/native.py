@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..options.options import RunOptions
     from ..run.run_state import RunState
 
-CHECK_INTERVAL = 0.05  # s of computing between progress reports and checks for Ctrl-C
+CHECK_INTERVAL = 0.05  # s of computing time between progress reports and checks for Ctrl-C
 STEPS_PER_CALL = 2000  # largest number of steps in a call of the core
 MAX_COMPLETED = 100  # steps of a run without sources of events: longer runs can afford their setup
 MAX_UNRECORDED = 200  # steps; recording them takes about a millisecond

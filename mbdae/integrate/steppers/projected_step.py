@@ -21,7 +21,7 @@ def project_end(run: "RunState", t: float, state: State) -> State:
     Steps do not solve for rows that are redundant at the start of a run. Where these rows become independent, the
     projection onto all rows undoes each step, and the run would make no progress for any step size. A projection within
     the tolerance is always accepted; after a step that was undone, steps are assessed together until the motion makes
-    progress. (Gauss-Newton iterations towards a contact of order p reduce the distance to its fraction 1 - 1/p.)
+    progress. (Near a root of multiplicity p, a Gauss-Newton iteration multiplies the distance by 1 - 1/p.)
 
     Raises:
         StepError: if the projection undoes more than `MAX_UNDONE` of the step.

@@ -81,9 +81,9 @@ class Stepper(ABC):
     def tolerance_norms(self, run: "RunState", y: Array, displacements: Array) -> list[float]:
         """Return the norms of displacements of the state from y, (k, ny), in units of the tolerance."""
 
-    def tolerates(self, run: "RunState", y: Array, move: Array) -> bool:
+    def tolerates(self, run: "RunState", y: Array, displacement: Array) -> bool:
         """Return whether a displacement of the state from y is within the tolerance of a step."""
-        return self.tolerance_norms(run, y, move[None])[0] <= 1
+        return self.tolerance_norms(run, y, displacement[None])[0] <= 1
 
     @abstractmethod
     def settings(self) -> JsonObject:

@@ -159,7 +159,7 @@ class ModeJumps:
     def _rate_before(self, i: int) -> Array:
         """Return F-, (ny,): the derivative of the end of the last step with respect to its size, y' to the local error.
 
-        Friction whose sign changes with the normal force within the step has kinks, which y' at its end does not see.
+        Friction whose sign changes with the normal force within the step has kinks, which do not affect y' at its end.
         """
         ny, k = self.sensitivity.ny, self.sensitivity.k
         zeros = np.zeros((ny, 1)), np.zeros((self.trajectory.n_carry, 1)), np.zeros((k, 1))

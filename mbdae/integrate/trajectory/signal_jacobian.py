@@ -28,12 +28,12 @@ NOT_DIFFERENTIABLE = {
 
 
 class PointRates(NamedTuple):
-    """Y' and multipliers at a point, and their derivatives in m directions.
+    """Rates y' and multipliers at a point, and their derivatives in m directions.
 
     Attributes:
-        F: Y', (ny,).
+        F: y', (ny,).
         lam: multipliers of all rows, (ng,).
-        rates: derivatives of Y', (ny, m).
+        rates: derivatives of y', (ny, m).
         multipliers: derivatives of lam, (ng, m).
     """
 
@@ -69,7 +69,7 @@ class SignalPoint:
 
     @cached_property
     def rates(self) -> PointRates:
-        """Y' and multipliers, and their derivatives."""
+        """Rates y' and multipliers, and their derivatives."""
         self.trajectory.enter_node(self.i)
         F, lam, partials = self.trajectory.sensitivity.multipliers(self.t, self.y)
         d = np.concatenate([self.dy, self.dp, self.dt[None]])

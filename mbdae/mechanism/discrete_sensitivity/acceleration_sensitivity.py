@@ -17,8 +17,8 @@ class TimeDerivativePartials(NamedTuple):
     """Partial derivatives of y' and of lam of all rows at a point of the hidden constraint.
 
     Attributes:
-        rate: with respect to (y, p, t), (ny, ny + k + 1).
-        lam: similarly, (ng, ny + k + 1).
+        rate: partials of y' with respect to (y, p, t), (ny, ny + k + 1).
+        lam: partials of lam, (ng, ny + k + 1).
     """
 
     rate: Array
@@ -40,7 +40,7 @@ class AccelerationSensitivity:
     def friction(self, q: Array, v: Array, lam: Array) -> tuple[Array, Array, Array]:
         """Return the partials of friction that depends on multipliers, and of its power, for lam (ng,) by row.
 
-        They are with respect to q, (n, nv), to (v, s, w), (n, n), and to the parameters, (k, n), n = nv + ns + 1.
+        They are with respect to q, (n, nv), (v, s, w), (n, n), and the parameters, (k, n), where n = nv + ns + 1.
         """
         rows = np.array(self.system.in_use, int)
         K, D = friction_partials(self.system, q, v, lam[rows], rows)

@@ -1,6 +1,6 @@
 """Parameters whose directions are constant: other values are written into existing workspaces and core data.
 
-    theta(p) = theta(p_0) + D (p - p_0),   tau = C u   with D of either C or u, not of both
+    theta(p) = theta(p_0) + D (p - p_0),   tau = C u   where D changes either C or u, not both
 
 theta: inertial parameters of bodies, gravity, armature, and coefficients of linear laws: entries of C, polynomials u.
 """
@@ -28,7 +28,7 @@ class Components(NamedTuple):
 
     Attributes:
         numbers: the components.
-        factors: for each component, twice the index of its law, plus 1 in u; -1 for components of bodies.
+        factors: for each component, twice the index of its law, plus 1 for entries of u; -1 for components of bodies.
         rest: all other properties of the laws.
     """
 
@@ -38,7 +38,7 @@ class Components(NamedTuple):
 
 
 class ConstantDirections:
-    """Directions D (n, k) of the components that parameters change, for all values with which they `agree`.
+    """Directions D (n, k) of the components that parameters change, valid for all values with which they `agree`.
 
     Args:
         parameters: bound parameters.
@@ -52,7 +52,7 @@ class ConstantDirections:
             self.at = None
 
     def _differentiate(self, parameters: "Parameters") -> bool:
-        """Determine D; return whether all components exist nearby and contain no product of parameters."""
+        """Determine D; return whether all components exist for nearby values and contain no product of parameters."""
         assert self.at is not None
         self.keeps_states = all(p.keeps_states for p in parameters.all)
         perturbed = [{k: self._components(m) for k, m in p.perturbed.items()} for p in parameters.all]
@@ -80,7 +80,7 @@ class ConstantDirections:
 
     def agree(self, mech: "Mechanism", values: Mapping[str, float]) -> bool:
         """Return whether a mechanism with other values has the components that the directions predict."""
-        if self.at is None or not self._has_equal_other_parts(mech):
+        if self.at is None or not self._has_same_other_components(mech):
             return False
         found = self._components(mech)
         if found is None or found.rest != self.at.rest:
@@ -93,7 +93,7 @@ class ConstantDirections:
             size[self.at.factors == factor] = size[self.at.factors == factor].max(initial=0.0)
         return bool((np.abs(found.numbers - self.at.numbers - self.D @ change) <= SOLUTION_ROUNDING * size).all())
 
-    def _has_equal_other_parts(self, mech: "Mechanism") -> bool:
+    def _has_same_other_components(self, mech: "Mechanism") -> bool:
         """Return whether rows, placements and other forces are the same."""
         pairs = zip(mech.forces, self.mech.forces, strict=False)
         comparable = len(mech.forces) == len(self.mech.forces) and mech.constraints == self.mech.constraints

@@ -49,12 +49,12 @@ def bind_parameters(system: "CompiledSystem", parameters: Parameters) -> "Native
 
 def _core_data(parameters: Parameters) -> ParameterData:
     """Return the changed components, the change by each parameter, and perturbed laws and rows."""
-    numbers: dict[ModelComponent, int] = {}
+    indices: dict[ModelComponent, int] = {}
     directions: list[CoreData] = []
     anchors = _anchors(parameters.system)
     for i, p in enumerate(parameters.all):
         for component, x in _changed_components(p, anchors):
-            k = numbers.setdefault(component, len(numbers))
+            k = indices.setdefault(component, len(indices))
             directions.append({"parameter": i, "component": k, "x": x.tolist()})
     changed: list[CoreData] = []
     bodies = flexible_bodies(parameters.system.model)
@@ -75,11 +75,11 @@ def _core_data(parameters: Parameters) -> ParameterData:
         if bodies and p.gravity.any():
             unchanged = [body.core_data(p.mech.model) for body in bodies]
             changed.append({**_element(i), "bodies": unchanged, "gravity": p.gravity.tolist()})
-    return [component._asdict() for component in numbers], directions, changed
+    return [component._asdict() for component in indices], directions, changed
 
 
 def _element(parameter: int) -> CoreData:
-    """Return an empty change by a parameter; with gravity, the bodies are those of the mechanism, only with weight."""
+    """Return an empty change by a parameter; if it has gravity, only the weight of the bodies changes."""
     return {"parameter": parameter, "at": [], "laws": [], "rows": [], "bodies": [], "gravity": []}
 
 
@@ -104,10 +104,10 @@ def _anchors(system: "Index2System") -> dict[int, list[ModelComponent]]:
     out: dict[int, list[ModelComponent]] = {}
     frames = list(model.frames)
 
-    def add_frames(number: int, pair: Pair, of_law: bool) -> None:
+    def add_frames(index: int, pair: Pair, of_law: bool) -> None:
         for a, second in ((pair.a, False), (pair.b, True)):
             out.setdefault(frames.index(find_frame(model, a.name)), []).append(
-                ModelComponent("frame", number, of_law, second)
+                ModelComponent("frame", index, of_law, second)
             )
 
     for i, (pair, _) in enumerate(system.constraints.frame_rows.values()):

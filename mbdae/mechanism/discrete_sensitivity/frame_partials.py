@@ -11,9 +11,9 @@ from .parameter_partials import Parameters
 
 
 def frame_partials(parameters: Parameters, q: Array, names: Sequence[str]) -> tuple[Array, Array]:
-    """Return partials of the origins of m frames in the world with respect to q, in the tangent, and to k parameters.
+    """Return partials of the origins of m frames in the world with respect to q, in the tangent, and k parameters.
 
-    Parameters change placements of joints and frames by motions xi in local axes; with the motion (v, w) = T xi in the
+    Parameters change placements of joints and frames by twists xi in local axes; with the twist (v, w) = T xi in the
     world, an attached point p moves by v + w x p.
 
     Returns:

@@ -26,12 +26,12 @@ from ..tree.tree_terms import update_poses
 if TYPE_CHECKING:
     from ..formulations.index2 import Index2System
 
-WIDTH = 2e-3  # rad and m, of finite differences
+WIDTH = 2e-3  # width of finite differences, in rad and m
 SMALL = 0.03  # fraction of the width, below which series are used
 
 
 def friction_partials(s: "Index2System", q: Array, v: Array, lam: Array, rows: Array) -> tuple[Array, Array]:
-    """Return the partials of closure friction and its power with respect to q, (n, nv), and to (v, s, w), (n, n).
+    """Return the partials of closure friction and its power with respect to q, (n, nv), and (v, s, w), (n, n).
 
     n = nv + ns + 1; lam (r,) are the multipliers of the rows in use.
     """
@@ -59,10 +59,10 @@ def friction_partials(s: "Index2System", q: Array, v: Array, lam: Array, rows: A
 
     if len(basis):
         terms_by_q, end = numerical_jacobian(flat_terms, len(basis), WIDTH) @ basis, 0
-        for k, by_rotation, force in regularized:
+        for k, force_by_slip, force in regularized:
             S = jacobians[k]
             dS = terms_by_q[end : (end := end + S.size)].reshape(*S.shape, s.nv)
-            by_q += by_rotation @ np.einsum("ijm,j->im", dS, v) + np.einsum("ijm,i->jm", dS, force)
+            by_q += force_by_slip @ np.einsum("ijm,j->im", dS, v) + np.einsum("ijm,i->jm", dS, force)
         by_q += by_normal_force @ terms_by_q[end:]
     s.jacobian(q)  # restores the kinematics
     nv, n = s.nv, s.ny - s.nv
@@ -73,7 +73,7 @@ def friction_partials(s: "Index2System", q: Array, v: Array, lam: Array, rows: A
 
 
 def friction(s: "Index2System", q: Array, v: Array, lam: Array, rows: Array) -> Array:
-    """Return the generalized friction and its power, (nv + 1,)."""
+    """Return the generalized friction force and its power, (nv + 1,)."""
     jacobians, normal_forces = _terms(s, q, lam, rows)
     out = np.zeros(s.nv)
     for N, S, interface in zip(normal_forces, jacobians, _active_interfaces(s), strict=True):
@@ -108,7 +108,7 @@ class _ActiveInterface(NamedTuple):
 
     Attributes:
         factor: c = -mu r.
-        width: of the regularization in m/s or rad/s; 0 for exact friction along one no-slip row.
+        width: width of the regularization in m/s or rad/s; 0 for exact friction along one no-slip row.
         slip_sign: sign of the slip along that row, (1,).
         closure: name of the closure.
         no_slip_rows: no-slip rows of the closure.

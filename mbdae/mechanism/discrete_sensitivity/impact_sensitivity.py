@@ -1,6 +1,6 @@
-"""Partial derivatives of an impact with closed loops.
+"""Partial derivatives of impacts in mechanisms with closed loops.
 
-A are the rows that obey the law, E their coefficients of restitution, w = v+ - v-, and P the impulses:
+A are the rows that obey the impact law, E their coefficients of restitution, w = v+ - v-, and P the impulses:
 
     M w = C^T P,   A v+ + c = -E (A v- + c),   C = A + r T for sliding contacts, whose friction is r P, r = +-mu
 

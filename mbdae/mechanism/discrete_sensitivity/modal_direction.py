@@ -1,6 +1,6 @@
 """A parameter as a direction in the coefficients of flexible bodies: inertia of the modes, stiffness and damping.
 
-The forces of inertia are linear in the coefficients C, H0, Mq, Hj, I1, I2 and in the second-order coefficients of a
+Inertia forces are linear in the coefficients C, H0, Mq, Hj, I1, I2 and in the second-order coefficients of a
 body; their derivative is the force of a body with the rates of these coefficients. Shapes of modes at nodes, on which
 closures and forces depend, must not change.
 """

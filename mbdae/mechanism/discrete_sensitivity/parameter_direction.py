@@ -33,7 +33,7 @@ class Parameter:
     """A parameter as a direction in a mechanism's components.
 
     Args:
-        name: for messages.
+        name: name of the parameter, for messages.
         mech: the mechanism.
         make: creates the mechanism with the parameter changed by the given amount.
         width: the largest width of differences.
@@ -98,7 +98,7 @@ class Parameter:
             instants = {(getattr(x, "rate", 0), getattr(x, "offset", 0)) for x in self._forces(i)}
             if len(instants) > 1:
                 name = getattr(self.mech.forces[i], "name", "")
-                raise InputError(f"parameter {self.name!r} moves the instants of {name!r}: no derivative")
+                raise InputError(f"parameter {self.name!r} changes the sampling times of {name!r}: no derivative")
 
     def _forces(self, i: int) -> list[Any]:
         return [m.forces[i] for m in (self.mech, *self.trials)]
@@ -124,9 +124,9 @@ class Parameter:
     @cached_property
     def keeps_start(self) -> bool:
         """Whether the assembled start does not depend on the parameter: it changes only gravity or force laws."""
-        moves = self.inertias or self.modal or self.placements or self.frames or self.specs or self.armature.any()
+        changes = self.inertias or self.modal or self.placements or self.frames or self.specs or self.armature.any()
         mech = self.mech
-        return not moves and all((m.start_values, m.states) == (mech.start_values, mech.states) for m in self.trials)
+        return not changes and all((m.start_values, m.states) == (mech.start_values, mech.states) for m in self.trials)
 
     @cached_property
     def keeps_states(self) -> bool:
@@ -136,7 +136,7 @@ class Parameter:
     def _check_times(self, spec: Any, *perturbed: Any) -> None:
         """Reject changes of times at which a function jumps; if other knots change, use a smaller width."""
         if any(_times(x, "nonsmooth_times") != _times(spec, "nonsmooth_times") for x in perturbed):
-            raise InputError(f"parameter {self.name!r} moves the instants of {spec.name!r}: no derivative")
+            raise InputError(f"parameter {self.name!r} changes the times of jumps of {spec.name!r}: no derivative")
         if any(_times(x, "knots") != _times(spec, "knots") for x in perturbed):
             self.use_width(min(self.h, KNOT_WIDTH * self.width / WIDTH))
 
@@ -165,7 +165,7 @@ class Parameter:
         return converged_difference(values, self.width).derivative
 
     def changed_rates(self, n: int, value: Callable[["Mechanism", int], Array]) -> dict[int, Array]:
-        """Return the derivatives of the components 1 to n - 1 of a mechanism that change."""
+        """Return the nonzero derivatives of the components 1 to n - 1 of a mechanism, by index."""
         found = {i: self.rate(lambda m, i=i: value(m, i)) for i in range(1, n)}  # type: ignore[misc]
         return {i: d for i, d in found.items() if d.any()}
 

@@ -1,13 +1,13 @@
 """Exact derivatives of a mechanism's equations with respect to its parameters: masses, placements, stiffnesses, ...
 
-A parameter is a direction in the components of a mechanism: ten inertial parameters dpi of a body, a motion xi of a
-joint placement or of a frame, gravity, armature, parameters of closures, drivers and forces. The directions are
-computed once, from mechanisms with other values. At a point
+A parameter is a direction in the components of a mechanism: changes dpi of the ten inertial parameters of a body, a
+twist xi of a joint placement or of a frame, gravity, armature, parameters of closures, drivers and forces. The
+directions are computed once, from mechanisms with other values. At a point
 
     inertial parameters          d(M v' + nle) = Y dpi with the bodies' regressors Y
     placements and frames        columns of K, B, G and gamma_q of a frozen free joint there, times xi
     closures, drivers, forces    sixth-order differences of these rows and laws: exact for polynomial dependence;
-                                 otherwise of a width at which differences of smaller width agree along a run
+                                 otherwise with a width at which differences of smaller width agree along a run
 """
 
 import warnings
@@ -191,7 +191,7 @@ class Parameters:
         if not len(self):
             return out
         if self.placement_tree:
-            K = self.placement_tree.torques(t, q, v, vdot, lam) @ self.motions
+            K = self.placement_tree.force_partials(t, q, v, vdot, lam) @ self.motions
             out[:nv] += K[:nv]
             out[-1] += K[-1]
         update_motions(system.model, system.workspace, q, v, vdot)
@@ -261,7 +261,7 @@ class Parameters:
         return out
 
     def _inertial(self, p: Parameter, J: Array) -> Array:
-        """Return the derivative of M v' + nle, (nv,), without armature; velocities and accelerations are current."""
+        """Return the derivative of M v' + nle by a parameter, (nv,), without armature; motions are current."""
         model, data, out = self.system.model, self.system.workspace, np.zeros(self.system.nv)
         for j in set(p.inertias) | (set(range(1, model.njoints)) if p.gravity.any() else set()):
             placement, wrench = data.oMi[j], np.zeros(6)
@@ -289,7 +289,7 @@ class Parameters:
             InputError: names the parameter.
         """
         for name in self.inconsistent(t, q):
-            raise InputError(f"parameter {name!r} opens closures that depend on each other: no derivative exists")
+            raise InputError(f"parameter {name!r} violates redundant closures: no derivative exists")
 
     def inconsistent(self, t: float, q: Array) -> list[str]:
         """Return the names of parameters that violate redundant rows in a way that no motion can correct."""

@@ -86,7 +86,7 @@ class PlacementTree:
         out[self.frame_rows] = partials[:, self.frozen_columns]
         return out
 
-    def torques(self, t: float, q: Array, v: Array, vdot: Array, lam: Array) -> Array:
+    def force_partials(self, t: float, q: Array, v: Array, vdot: Array, lam: Array) -> Array:
         """Return columns of K of the frozen joints, (nv + 1, 6 n); rows are mechanism velocities and power."""
         return self._partials(t, q, v, vdot, lam).K[np.ix_([*self.mechanism_velocities, -1], self.frozen_columns)]
 

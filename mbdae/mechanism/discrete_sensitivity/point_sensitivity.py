@@ -116,8 +116,8 @@ class PointSensitivity(AccelerationSensitivity):
         s, out, nv = self.system, np.zeros((self.ny, self.k)), self.system.nv
         mech = self.parameters.mech
         base, (q, v) = mech.point(t=t), s.split(y)
-        inactive, all_open = s.constraints.inactive, inactive_rows(mech.switches, (0,) * len(mech.switches))
-        s.constraints.inactive = all_open  # a start is assembled without unilateral rows
+        inactive, all_inactive = s.constraints.inactive, inactive_rows(mech.switches, (0,) * len(mech.switches))
+        s.constraints.inactive = all_inactive  # a start is assembled without unilateral rows
         G, positional = s.jacobian(q), s.constraints.positional
         B = s.constraints.partials(v, np.zeros(s.ng))[1]
         s.constraints.inactive = inactive
@@ -143,7 +143,7 @@ class PointSensitivity(AccelerationSensitivity):
         return out
 
     def _start_quotient(self, p: Parameter, t: float, base: Array) -> Array:
-        """Return the derivative of the assembled start by a parameter, (ny,), by sixth-order differences.
+        """Return the derivative of the assembled start with respect to a parameter, (ny,), by sixth-order differences.
 
         Raises:
             AssemblyError: if the change of the parameter is too large.

@@ -24,10 +24,10 @@ class ElasticModes(NamedTuple):
     """Vibrations of flexible bodies at a configuration.
 
     Attributes:
-        frequencies: w in rad/s, ascending, (m,).
+        frequencies: natural frequencies w in rad/s, ascending, (m,).
         ratios: damping ratios, (m,).
         rows: eta = rows q for the coordinates of the modes, (m, k).
-        at, iq: velocities and coordinates of the modes, (k,).
+        at, iq: indices of the modes among the velocities and in q, (k,).
         labels: body and mode with the largest elastic energy, ``"mode 4 of rod"``.
     """
 

@@ -43,7 +43,7 @@ class ForceBalance(NamedTuple):
         q: configuration, (nq,).
         s: states, (ns,).
         f: all forces, (nv,).
-        load: the forces scaled by the load factor, (nv,).
+        load: the forces that the load factor multiplies, without this factor, (nv,).
         rho: Z^T f, (k,).
         H: -d rho/dy, (k, k).
         lam: multipliers of closures and drivers, (ng,).
@@ -117,9 +117,9 @@ class Statics:
         self.factor = 1.0
 
     def point(self, q: Array, s: Array) -> ForceBalance:
-        """Return the balance at a closed configuration, with states near s."""
+        """Return the balance at a configuration that satisfies the closures, with states near s."""
         system = self.system
-        s, U, f, load, free, G, R = self._loaded(q, s)
+        s, U, f, load, free, G, R = self._forces(q, s)
         lam, each = free.multipliers(f), list[Array]()
         K, S, hq, hs = self.partials(q, s, lam[: system.ng], each)
         forces = np.abs(f) + np.abs(lam) @ np.abs(np.vstack([G, self.rows, R])) + abs(self.factor - 1.0) * np.abs(load)
@@ -139,10 +139,10 @@ class Statics:
 
     def residual_forces(self, q: Array, s: Array) -> tuple[Array, NullSpace]:
         """Return rho = Z^T f (k,) at a configuration, with states near s, and the null space, without derivatives."""
-        _, _, f, _, free, *_ = self._loaded(q, s)
+        _, _, f, _, free, *_ = self._forces(q, s)
         return free.Z.T @ f, free
 
-    def _loaded(self, q: Array, s: Array) -> tuple[Array, Array, Array, Array, NullSpace, Array, Array]:
+    def _forces(self, q: Array, s: Array) -> tuple[Array, Array, Array, Array, NullSpace, Array, Array]:
         """Return s, U of M = U^T U, f, the load, the null space, G and the rows of integrators at a configuration."""
         s = self.states(q, s)
         U = self.system.inertia(self.t, q)
@@ -175,7 +175,7 @@ class Statics:
         return project_configuration(self.system, self.t, q, more, locked=self.locked)
 
     def load(self, q: Array) -> Array:
-        """Return the scaled forces, (nv,); positions and velocities must be current."""
+        """Return the forces that the load factor multiplies, without this factor, (nv,); kinematics must be current."""
         s = self.system
         out = self.loads.generalized_force(self.t, q, self.v, np.empty(0))[0]
         if self.scales_gravity:

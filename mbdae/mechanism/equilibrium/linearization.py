@@ -30,9 +30,9 @@ class LinearMotion(NamedTuple):
     Attributes:
         q, v, s: the point, (nq,), (nv,), (ns,).
         A: system matrix, (n, n).
-        positions: Z_p, (nv, k).
-        speeds: Z, (nv, m).
-        velocity_map: W, (nv, k).
+        Zp: Z_p, a basis of the displacements dq that satisfy the position rows, (nv, k).
+        Z: a basis of the velocities that satisfy all rows, (nv, m).
+        W: velocities due to displacements y, (nv, k).
         free: null space of all rows.
         damping: Z^T D Z, (m, m).
         stiffness: -Z^T (K Z_p + D W), (m, k).
@@ -43,9 +43,9 @@ class LinearMotion(NamedTuple):
     v: Array
     s: Array
     A: Array
-    positions: Array
-    speeds: Array
-    velocity_map: Array
+    Zp: Array
+    Z: Array
+    W: Array
     free: NullSpace
     damping: Array
     stiffness: Array
@@ -54,17 +54,17 @@ class LinearMotion(NamedTuple):
     def state(self, dq: Array, dv: Array, ds: Array) -> Array:
         """Return z (n,) of perturbations that satisfy the rows; dq and dv (nv,), ds (ns,)."""
         U = self.free.U
-        y = (U @ self.positions).T @ (U @ dq)
-        u = (U @ self.speeds).T @ (U @ (dv - self.velocity_map @ y))
+        y = (U @ self.Zp).T @ (U @ dq)
+        u = (U @ self.Z).T @ (U @ (dv - self.W @ y))
         return np.concatenate([y, u, ds])
 
     @property
-    def state_matrix(self) -> Array:
-        """Matrix of (dq, dv, ds) over z, (2 nv + ns, n)."""
-        (nv, k), m, ns = self.positions.shape, self.speeds.shape[1], len(self.s)
+    def perturbation_map(self) -> Array:
+        """Map from z to (dq, dv, ds), (2 nv + ns, n)."""
+        (nv, k), m, ns = self.Zp.shape, self.Z.shape[1], len(self.s)
         out = np.zeros((2 * nv + ns, k + m + ns))
-        out[:nv, :k], out[nv : 2 * nv, :k] = self.positions, self.velocity_map
-        out[nv : 2 * nv, k : k + m], out[2 * nv :, k + m :] = self.speeds, np.eye(ns)
+        out[:nv, :k], out[nv : 2 * nv, :k] = self.Zp, self.W
+        out[nv : 2 * nv, k : k + m], out[2 * nv :, k + m :] = self.Z, np.eye(ns)
         return out
 
 
@@ -136,8 +136,8 @@ def require_steady(statics: "Statics", balance: "ForceBalance") -> None:
     if (np.abs(residual) > VISIBLE * terms).any():
         worst = int((np.abs(residual) / sizes.l).argmax())
         name, size = system.mechanism.coordinate_joint(worst), abs(residual[worst])
-        moves = f"joint {name!r} accelerates by {size:.3g}"
-        raise InputError(f"this is neither an equilibrium nor a steady motion: {moves}")
+        reason = f"joint {name!r} accelerates by {size:.3g}"
+        raise InputError(f"this is neither an equilibrium nor a steady motion: {reason}")
     K, _, hq, hs = statics.partials(balance.q, balance.s, balance.lam)
     resting = v[statics.locked] == 0  # coordinates that move steadily need a constant torque
     fixed, at = np.vstack([G, statics.rows[resting]]), np.append(np.ones(len(G), bool), resting)

@@ -27,7 +27,7 @@ MAX_REMAINING = 0.5  # largest fraction of a residual after a full correction; m
 STEP_FACTORS = (1.0, 0.5, 0.25, 0.125)  # factors of corrections
 NO_INDICES = np.empty(0, int)
 ResidualFunction = Callable[[Array], tuple[Array, Array]]
-"""Further residuals (k,) at a configuration (nq,), at the workspace's kinematics, and partials (k, nv)."""
+"""Further residuals (k,) at a configuration (nq,), with current kinematics of the workspace, and partials (k, nv)."""
 
 
 class NullSpace(NamedTuple):

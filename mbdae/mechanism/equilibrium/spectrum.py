@@ -15,9 +15,10 @@ repeatedly, since zeros form Jordan chains (rigid motions and their velocities).
 largest frequencies into the smallest. Source of the bound: Wilkinson, Rounding Errors in Algebraic Processes (1963);
 of the errors of eigenvalues: Stewart, Sun, Matrix Perturbation Theory (1990), theorem IV.2.3.
 
-With left and right vectors y and x, the real part of an eigenvalue is known to sum |Re(conj(y_i) x_j / y^H x)| e_ij,
-and the imaginary part to the same sum with Im. Without damping, errors of the stiffness change only frequencies, so
-that a damping ratio of 1e-12 is significant although the stiffness is known to 1e-10. Insignificant parts are set to 0.
+With left and right eigenvectors y and x, the error bound of the real part of an eigenvalue is
+sum |Re(conj(y_i) x_j / y^H x)| e_ij, that of the imaginary part the same sum with Im. Without damping, errors of the
+stiffness change only frequencies, so that a damping ratio of 1e-12 is significant although the stiffness is known to
+within 1e-10. Insignificant parts are set to 0.
 """
 
 from typing import NamedTuple
@@ -35,7 +36,7 @@ CERTAIN = 100.0  # multiple of its rounding error above which a number is known 
 
 
 class MatrixNullSpace(NamedTuple):
-    """MatrixNullSpace space of a matrix, x_o = B x_f.
+    """Null space of a matrix, x_o = B x_f.
 
     Attributes:
         rows: rows in the order of their pivots, rows without pivot last.
@@ -51,14 +52,14 @@ class MatrixNullSpace(NamedTuple):
 
     @property
     def vectors(self) -> Array:
-        """MatrixNullSpace vectors, (n, n - r)."""
+        """Null vectors as columns, (n, n - r)."""
         out = np.zeros((len(self.pivots) + len(self.free), len(self.free)))
         out[self.free], out[self.pivots] = np.eye(len(self.free)), self.B
         return out
 
 
 def null_space(A: Array, e: Array) -> MatrixNullSpace:
-    """Return the null space of A (m, n), whose entries are known to e (m, n)."""
+    """Return the null space of A (m, n), whose entries are known to within e (m, n)."""
     a, (m, n) = A.astype(float), A.shape
     e = np.maximum(e, EPS * np.abs(a))
     rows, columns, r = np.arange(m), np.arange(n), 0
@@ -98,7 +99,7 @@ class Spectrum(NamedTuple):
 
     @property
     def growing(self) -> Array:
-        """Values whose real part is positive beyond rounding, (n,)."""
+        """Whether the real part of each value is positive beyond rounding, (n,)."""
         return self.known & (self.values.real > 0)
 
     def sorted(self, order: Array) -> "Spectrum":
@@ -107,7 +108,7 @@ class Spectrum(NamedTuple):
 
 
 def spectrum(A: Array, e: Array) -> Spectrum:
-    """Return eigenvalues and eigenvectors of A (n, n), whose entries are known to e (n, n)."""
+    """Return eigenvalues and eigenvectors of A (n, n), whose entries are known to within e (n, n)."""
     n = len(A)
     rest, bound, at = A, np.maximum(e, EPS * np.abs(A)), np.arange(n)
     deflated: list[tuple[Array, MatrixNullSpace, Array]] = []  # indices, null space, A_fo
@@ -142,7 +143,7 @@ def _lift(vectors: Array, values: Array, indices: Array, null: MatrixNullSpace, 
 
 
 def _eigenvalues(A: Array, e: Array) -> tuple[Array, Array, Array]:
-    """Return eigenvalues (n,), right vectors (n, n) and which eigenvalues are known (n,) of a regular A (n, n).
+    """Return eigenvalues (n,), right eigenvectors (n, n) and which values are known (n,) of a nonsingular A (n, n).
 
     Rayleigh quotients y^H A x / y^H x remove contributions of the largest values to the smallest. Where y^H x is zero
     within rounding, as for critical damping, the computed values are kept, with the error sqrt(d g) of double roots,
@@ -150,19 +151,19 @@ def _eigenvalues(A: Array, e: Array) -> tuple[Array, Array, Array]:
     """
     found, left, right = eig(A, left=True, right=True)
     found, left, right = found.astype(complex), left.astype(complex), right.astype(complex)
-    angles = (left.conj() * right).sum(0)
+    cosines = (left.conj() * right).sum(0)
     rounding = EPS * np.maximum((np.abs(left) * np.abs(right)).sum(0), EPS)
-    angles = np.where(np.abs(angles) > rounding, angles, rounding)
-    error = (np.abs(left) * (e @ np.abs(right))).sum(0) / np.abs(angles)
-    single = (np.abs(angles) > CERTAIN * rounding) & (CERTAIN * error < np.abs(found))
-    values = np.where(single, (left.conj() * (A @ right)).sum(0) / angles, found)
+    cosines = np.where(np.abs(cosines) > rounding, cosines, rounding)
+    error = (np.abs(left) * (e @ np.abs(right))).sum(0) / np.abs(cosines)
+    single = (np.abs(cosines) > CERTAIN * rounding) & (CERTAIN * error < np.abs(found))
+    values = np.where(single, (left.conj() * (A @ right)).sum(0) / cosines, found)
     size = np.abs(values)
     gap = np.abs(found[:, None] - found + np.diag(np.full(len(A), np.inf))).min(axis=1)
     error = np.where(single, error, np.minimum(error, np.sqrt(error * np.maximum(gap, EPS * size))))
     known = CERTAIN * error < size
     errors = np.where(known, error, 0.0) * (1 + 1j)
     for k in np.flatnonzero(single):
-        partials = np.outer(left[:, k].conj() / angles[k], right[:, k])  # of the value with respect to A
+        partials = np.outer(left[:, k].conj() / cosines[k], right[:, k])  # of the value with respect to A
         errors[k] = complex((np.abs(partials.real) * e).sum(), (np.abs(partials.imag) * e).sum())
     values.real[np.abs(values.real) <= CERTAIN * np.maximum(errors.real, EPS * size)] = 0.0
     values.imag[np.abs(values.imag) <= CERTAIN * np.maximum(errors.imag, EPS * size)] = 0.0
@@ -170,7 +171,7 @@ def _eigenvalues(A: Array, e: Array) -> tuple[Array, Array, Array]:
 
 
 class Curvature(NamedTuple):
-    """Signs of the eigenvalues of a symmetric matrix H, by Sylvester's law from D^-1 H D^-1, D^2 = diag(e/eps).
+    """Signs of the eigenvalues of a symmetric matrix H, by the law of inertia from D^-1 H D^-1, D^2 = diag(e/eps).
 
     This scaling gives all entries the same relative error, so that large entries do not hide small ones.
 
@@ -196,13 +197,13 @@ class Curvature(NamedTuple):
 
 
 def scale_of(e: Array) -> Array:
-    """Return d (k,): d_i^2 is the magnitude of the terms of entry (i, i) of a matrix known to e (k, k); 1 if 0."""
+    """Return d (k,): d_i^2 is the magnitude of the terms of entry (i, i), given error bounds e (k, k); 1 if 0."""
     size = np.sqrt(e.diagonal() / EPS)
     return np.where(size > 0, size, 1.0)
 
 
 def curvature(H: Array, e: Array) -> Curvature:
-    """Return the signs of the symmetric part of H (k, k), whose entries are known to e (k, k)."""
+    """Return the signs of the symmetric part of H (k, k), whose entries are known to within e (k, k)."""
     if not len(H):
         return Curvature(np.empty(0), H, np.empty(0))
     d = scale_of(e)

@@ -1,13 +1,13 @@
 """Magnitudes of the terms summed in derivatives of forces: eps times a magnitude is the rounding error of the sum.
 
 With mu_i = sqrt(M_ii), coordinates in units of l_i (1 rad, or the mechanism's characteristic length), the stiffness of
-coordinate i is known to eps mu_i^2 rho_i, where rho_i in 1/s^2 is the largest of
+coordinate i is known to within eps mu_i^2 rho_i, where rho_i in 1/s^2 is the largest of
 
     |K_ij| / (mu_i mu_j) over row and column i,   m_i / (mu_i l_i)^2,   |a_0| sqrt(m_c) / (mu_i l_i),  max (v_j / l_j)^2
 
-with the largest moment m_i of forces and reactions on the joint of i, and the weight m_c |a_0| of its subtree. An entry
-K_ij is known to eps mu_i mu_j sqrt(rho_i rho_j), even if the sum is 0. The same applies to damping, with the speed
-instead of these terms.
+with the largest moment m_i of forces and reactions on the joint of i, and the weight m_c |a_0| of its subtree. The
+error of an entry K_ij is eps mu_i mu_j sqrt(rho_i rho_j), even if the sum is 0. The same applies to damping, with the
+speed instead of these terms.
 """
 
 from typing import TYPE_CHECKING

@@ -5,8 +5,9 @@
 along x of the body's frame, from its origin to (length, 0, 0), in both planes; k is the shear stiffness.
 Without shear (Euler-Bernoulli beams) theta = v', and cross-sections have rotary inertia only about x.
 
-Modes of each direction are computed for EI = rho A = 1: they do not depend on modulus and density, and without shear
-not on the section. Their modal mass is the mass of the beam, so a modal coordinate is a mean deflection in m.
+Modes of each direction are computed for EI = rho A = 1: they do not depend on the density, and without shear neither on
+the modulus nor on the section. Their modal mass is the mass of the beam, so a modal coordinate is the
+root-mean-square deflection of its mode in m.
 
 Source of the elements: J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), chapter 11.
 """
@@ -29,7 +30,7 @@ Plane = Literal["y", "z", "space"]
 EndCondition = Literal["clamped", "pinned", "clamped-clamped", "clamped-pinned"]
 
 
-def beam(  # noqa: PLR0913 - the numbers of a beam
+def beam(  # noqa: PLR0913 - the properties of a beam
     length: float,
     young: float,
     density: float,
@@ -137,10 +138,10 @@ def _lowest_shapes(
     directions: Sequence[Direction], modes: int, loads: Sequence[str], elements_at: Mapping[str, tuple[int, float]]
 ) -> Shapes:
     """Return the lowest modes of all directions and modes of deflections under loads, by frequency."""
-    number = sum(d.free for d in directions)
-    if modes > number:
+    count = sum(d.free for d in directions)
+    if modes > count:
         elements = directions[0].grid.elements
-        raise InputError(f"beam: {elements} elements have {number} modes with these ends, got modes = {modes}")
+        raise InputError(f"beam: {elements} elements have {count} modes with these ends, got modes = {modes}")
     known = [_loads(d, elements_at) for d in directions]
     require_loads(loads, [load for table in known for load in table])
     normal = [d.normal_modes(min(modes, d.free)) for d in directions]

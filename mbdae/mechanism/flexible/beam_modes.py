@@ -123,7 +123,7 @@ class Direction:
         return np.sum([w * self.rows(e, s)[0] for e, s, w in self.grid.gauss()], axis=0)
 
     def normal_modes(self, k: int) -> tuple[Array, Array]:
-        """Return squares of frequencies (k,) in rad^2/s^2, ascending, and modes (n, k) of mean square 1."""
+        """Return squares of natural frequencies (k,) in rad^2/s^2, ascending, and modes (n, k) of mean square 1."""
         K, M = self._pencil()
         last = len(K) - k, len(K) - 1  # the largest eigenvalues of the inverse problem are the most accurate
         inverse, shapes = eigh(M, K, subset_by_index=last)
@@ -162,30 +162,30 @@ class Shapes:
 
     Attributes:
         grid: the elements.
-        squares: of the frequencies in rad^2/s^2, ascending, (k,).
-        parts: directions and their modes (n, k), with zeros in the columns of other directions.
+        squares: squares of the natural frequencies in rad^2/s^2, ascending, (k,).
+        by_direction: directions and their modes (n, k), with zeros in the columns of modes of other directions.
     """
 
     grid: Elements
     squares: Array
-    parts: tuple[tuple[Direction, Array], ...]
+    by_direction: tuple[tuple[Direction, Array], ...]
 
     @classmethod
     def of(cls, directions: Sequence[Direction], columns: Sequence[tuple[Array, Array]]) -> "Shapes":
         """Return the modes of directions by frequency, from squares and modes of each direction."""
         squares = np.concatenate([x for x, _ in columns])
-        order, first, parts = np.argsort(squares, kind="stable"), 0, []
+        order, first, by_direction = np.argsort(squares, kind="stable"), 0, []
         for d, (x, U) in zip(directions, columns, strict=True):
             padded = np.zeros((len(U), len(squares)))
             padded[:, first : first + len(x)] = U
-            parts.append((d, padded[:, order]))
+            by_direction.append((d, padded[:, order]))
             first += len(x)
-        return cls(directions[0].grid, squares[order], tuple(parts))
+        return cls(directions[0].grid, squares[order], tuple(by_direction))
 
     def at(self, e: int, s: float) -> tuple[Array, Array, Array]:
         """Return displacements and rotations of the cross-section, and u', theta' along y and z, (3, k) each."""
         displacements, rotations, strains = np.zeros((3, 3, len(self.squares)))
-        for d, U in self.parts:
+        for d, U in self.by_direction:
             v, theta, dv, dtheta = d.rows(e, s) @ U
             i = DIRECTIONS.index(d.axis)
             displacements[i], strains[i] = v, dv if d.axis == "x" else dtheta
@@ -196,7 +196,8 @@ class Shapes:
     def points(self, per_length: float, gyration: Mapping[str, float]) -> tuple[Array, Array, Array]:
         """Return points (n, 3), their masses (n,) and displacements (n, 3, k).
 
-        The points are the Gauss points, or with rotary inertia pairs at the radius of gyration in each plane.
+        The points are the Gauss points, or with rotary inertia pairs about them whose second moments are those of the
+        section.
         """
         offsets = [sign * np.sqrt(x * len(gyration)) * np.eye(3)[DIRECTIONS.index(axis)]
                    for axis, x in gyration.items() for sign in (1, -1)] or [np.zeros(3)]  # fmt: skip
@@ -223,13 +224,13 @@ class Shapes:
     @cached_property
     def _shortening_before(self) -> Array:
         """Integrals from the left end to each element, (elements + 1, k, k)."""
-        whole = np.array([self._integral(e, 1.0) for e in range(self.grid.elements)])
-        return np.concatenate([np.zeros((1, *whole.shape[1:])), np.cumsum(whole, axis=0)])
+        per_element = np.array([self._integral(e, 1.0) for e in range(self.grid.elements)])
+        return np.concatenate([np.zeros((1, *per_element.shape[1:])), np.cumsum(per_element, axis=0)])
 
     def _integral(self, e: int, end: float) -> Array:
         out = np.zeros((len(self.squares),) * 2)
         for a, b in zip(self.grid.s, self.grid.w, strict=True):
-            for d, U in self.parts:
+            for d, U in self.by_direction:
                 if d.axis != "x":
                     gradient = d.rows(e, end * a)[2] @ U
                     out += b * end * np.outer(gradient, gradient)

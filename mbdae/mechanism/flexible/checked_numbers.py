@@ -71,7 +71,7 @@ def describe(value: Any) -> str:
     return f"shape {a.shape}" if np.isfinite(a).all() else f"shape {a.shape}, not all finite"
 
 
-def damping_constants(ratios: Any, stiffness: Array, Mq: Array, what: str = "flexible body") -> Array:
+def damping_coefficients(ratios: Any, stiffness: Array, Mq: Array, what: str = "flexible body") -> Array:
     """Return 2 zeta_i sqrt(k_i m_i), (k,), in N s/m, from damping ratios zeta of each mode, or one for all modes.
 
     Raises:

@@ -3,7 +3,8 @@
     u = [1 0; -Kii^-1 Kib, Phi] [u_b; eta],   Kii Phi = Mii Phi w^2
 
 with interface displacements u_b and normal modes Phi of the body with fixed interfaces; the modes of the body are the
-eigenvectors of the reduced pencil, with the mass of the body as modal mass: coordinates are mean deflections in m.
+eigenvectors of the reduced pencil, with the mass of the body as modal mass: a coordinate is the root-mean-square
+deflection of its mode in m.
 Deflections under loads at interfaces are exact for any number of normal modes, and with Kii^-1 f those by the weight f.
 
 Source: R. R. Craig, M. C. C. Bampton, Coupling of substructures for dynamic analyses, AIAA Journal 6 (1968).
@@ -55,7 +56,7 @@ def modal_body(
         loads: ``"gravity x"``, ``"gravity y"``, ..: loads by the weight whose deflections modes represent exactly.
 
     Raises:
-        InputError: for wrong shapes, a K that is not symmetric or does not have exactly six motions without force,
+        InputError: for wrong shapes, a K that is not symmetric or does not have exactly six rigid-body motions,
             masses that are not positive, a mass matrix that couples directions, interfaces on a line, too many normal
             modes, a repeated load, or negative damping.
         UnknownNameError: for an unknown clamped interface or load.

@@ -8,7 +8,7 @@ from ...system import Array
 from ..tree.tree_terms import flexible_bodies
 
 MAX_DEFLECTION = 0.1  # fraction of the size of a body: its square is the relative error of a linear deformation
-MAX_ROTATION = 0.3  # rad: sine and angle differ by 2 %
+MAX_ROTATION = 0.3  # rad: sine and angle differ by 1.5 %
 
 
 def beyond_linear(model: pin.Model, q: Array) -> str:
@@ -26,7 +26,7 @@ def beyond_linear(model: pin.Model, q: Array) -> str:
     return "; ".join(found)
 
 
-def bends_by_its_size(model: pin.Model, q: Array) -> bool:
+def deflection_exceeds_size(model: pin.Model, q: Array) -> bool:
     """Return whether the deflection of a flexible body is larger than the body: linear modes have no meaning there.
 
     Args:

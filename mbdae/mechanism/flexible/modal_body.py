@@ -11,7 +11,7 @@ Sums over points of mass m (nodes of a lumped model, or Gauss points of consiste
 A displacement of second order (sum q_i q_j Phi2_ij)/2, such as the shortening of a beam by bending, makes C linear,
 C + sum q_j C2_j with C2_ij = sum m Phi2_ij, and S = s0 + C q + (sum q_i q_j C2_ij)/2. It adds sum m [r]x Phi2_j to Hj
 and sum m (2 r.Phi2_ij 1 - r Phi2_ij^T - Phi2_ij r^T) to I2_ij. Tension does work along it and so stiffens bending. All
-blocks are of second order in q, because M would otherwise lose inertia where modes nearly span a rotation of the frame:
+blocks are of second order in q, since M might otherwise be indefinite where modes nearly span a rotation of the frame:
 
     H += (sum q_j q_l H2_jl)/2,   H2_i,jl = sum m (Phi2_jl x Phi_i + Phi_j x Phi2_il + Phi_l x Phi2_ij)
     Mq += sum q_l Mq1_l + (sum q_l q_n Mq2_ln)/2,   Mq1_ij,l = sum m (Phi_i.Phi2_jl + Phi_j.Phi2_il)
@@ -33,7 +33,7 @@ from ...errors import InputError
 from ...system import Array
 from ...tolerances import PIVOT_RANK, SUM_ROUNDING
 from ..tree.frames import cross
-from .checked_numbers import array, checked_points, damping_constants, require_nodes, require_symmetric
+from .checked_numbers import array, checked_points, damping_coefficients, require_nodes, require_symmetric
 from .points import Node as Node
 from .points import OutlinePoints
 
@@ -41,7 +41,7 @@ SECOND_ORDER = {"C2": "3kk", "H2": "3kkk", "Mq1": "kkk", "Mq2": "kkkk"}
 
 
 class Deformation(NamedTuple):
-    """The polynomials of a body at modal coordinates.
+    """The blocks of M at modal coordinates, polynomials of degree 1 or 2.
 
     Attributes:
         C, H, Mq: (3, k), (3, k), (k, k).
@@ -66,7 +66,7 @@ class ModalBody:
         C, H0, Mq: (3, k), (3, k), (k, k).
         Hj, I1, I2: (k, 3, k), (k, 3, 3), (k, k, 3, 3).
         C2, H2, Mq1, Mq2: (3, k, k), (3, k, k, k), (k, k, k), (k, k, k, k), zero if omitted.
-        stiffness, damping: of each mode, (k,): forces -stiffness q - damping q'.
+        stiffness, damping: coefficients of the elastic and damping forces -stiffness q - damping q', (k,).
         nodes: the nodes by name.
         outline: further points that determine size and deflection.
     """
@@ -96,7 +96,7 @@ class ModalBody:
 
     @cached_property
     def frequencies(self) -> Array:
-        """Frequencies of the modes in rad/s, with the frame at rest, (k,), if Mq is diagonal."""
+        """Natural frequencies of the modes in rad/s, with the frame at rest, (k,), if Mq is diagonal."""
         return np.sqrt(self.stiffness / np.diagonal(self.Mq))
 
     @property
@@ -235,7 +235,7 @@ class ModalBody:
             I2=I2,
             **second,
             stiffness=K,
-            damping=damping_constants(damping_ratios, K, Mq),
+            damping=damping_coefficients(damping_ratios, K, Mq),
             nodes=dict(nodes or {}),
             outline=OutlinePoints.of_extremes(r, P),
         )

@@ -1,4 +1,4 @@
-"""Modal bodies as numbers: files ``.npz``, and tables of archives.
+"""Modal bodies as arrays: files ``.npz``, and tables of archives.
 
 Arrays as in `ModalBody`: mass, s0 (3,), I0 (3, 3), C, H0 (3, k), Mq (k, k), Hj (k, 3, k), I1 (k, 3, 3),
 I2 (k, k, 3, 3), stiffness, damping (k,), and optional C2, H2, Mq1, Mq2 of second order; of n nodes: names
@@ -21,7 +21,7 @@ from .checked_numbers import (
     NODE_SHAPES,
     SYMMETRIC,
     array,
-    damping_constants,
+    damping_coefficients,
     real,
     require_names,
     require_nodes,
@@ -107,7 +107,7 @@ def modal_body_from_data(
     _check(arrays, prefix)
     arrays = _first_modes(arrays, sizes["k"] if modes is None else modes, prefix)
     if damping is not None:
-        arrays["damping"] = damping_constants(damping, arrays["stiffness"], arrays["Mq"], prefix)
+        arrays["damping"] = damping_coefficients(damping, arrays["stiffness"], arrays["Mq"], prefix)
     nodes = {
         node: Node(**{x: arrays[x][i] for x in NODE_SHAPES if x in arrays},
                    modulus=float(arrays["modulus"][i]) if "modulus" in arrays else 0.0)

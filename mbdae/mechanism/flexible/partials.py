@@ -1,8 +1,8 @@
-"""Exact derivatives of the forces of inertia of flexible bodies, M v' + nle, with respect to q in the tangent and to v.
+"""Exact derivatives of the inertia forces of flexible bodies, M v' + nle, with respect to q in the tangent and to v.
 
 With F(q, nu, A) the force on frame and modes in the axes of the frame (`modal_body`), J_k the columns that move the
 frame, V its velocity, V_m the velocity after joint m, V_< and A_< velocity and acceleration, minus gravity, of the
-parent of m, all at the world's origin,
+parent of m, all about the world's origin,
 
     d(J_k . F)/dq_m = J_k . F'(psi, A_< x J_m + V_< x psi + psi x V) + J_k . (J_m x* F)  if k < m,   psi = V_< x J_m
     d(J_k . F)/dv_m = J_k . F'(J_m, psi + V_m x J_m + J_m x V)

@@ -12,8 +12,8 @@ from ...system import Array
 class Node:
     """A point of a body: r (3,) in m, displacements Phi (3, k) and rotations Psi (3, k) of the modes.
 
-    Phi2 (3, k, k), symmetric in the modes, adds the displacements (sum q_i q_j Phi2_ij)/2; zero if omitted. A strain
-    (k,) of the modes and a modulus in N/m^2 give strain and stress.
+    Phi2 (3, k, k), symmetric in the modes, adds the displacements (sum q_i q_j Phi2_ij)/2; zero if omitted. The
+    strain of a fibre is strain . q with strain (k,) in 1/m, its stress the modulus in N/m^2 times the strain.
     """
 
     r: Array

@@ -25,7 +25,7 @@ class BoundNode:
     Attributes:
         index: its entry in ``data.oMi``.
         node: the node.
-        columns: columns of J at the world's origin for the modes, (6, k); updated in place.
+        columns: columns of J for the modes, about the world's origin, (6, k); updated in place.
         rotation: rotation of the node relative to the frame, at the current poses.
     """
 
@@ -156,7 +156,7 @@ class BoundBody:
     def _force(
         self, modal: ModalBody, data: pin.Data, q: Array, v: Array, acceleration: pin.Motion, rates: Array
     ) -> Array:
-        """Return the force of inertia on frame and modes in the axes of the frame, without the rigid body, (6 + k,)."""
+        """Return the inertia force on frame and modes in the axes of the frame, without the rigid body, (6 + k,)."""
         x, A = q[self.iq], np.concatenate([acceleration.vector, rates])
         return modal.inertial_force(x, self._velocity(data, v), A)
 

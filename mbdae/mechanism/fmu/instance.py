@@ -36,11 +36,11 @@ class FmuInstance:
         self.name, self.description, self._messages = name, description, list[str]()
         state = path.stat()
         folder = _folder(path.resolve(), state.st_mtime_ns, state.st_size)
-        if description.once and description.token in USED_ONCE:
+        if description.once_per_process and description.token in USED_ONCE:
             reason = "it allows one instance per process, which another run or simulator has"
             raise StepError("force", f"FMU {name!r} cannot be instantiated: {reason}")
         self._fmu: Any = self._try("be instantiated", lambda: self._instantiated(folder))
-        if description.once:
+        if description.once_per_process:
             USED_ONCE.add(description.token)
         self._finalizer = weakref.finalize(self, _free, self._fmu, description.token)
 

@@ -57,7 +57,7 @@ class FmuInterface(NamedTuple):
         version: version of FMI, ``"2.0"`` or ``"3.0"``.
         token: instantiation token.
         identifier: name of the library.
-        once: whether a process may have only one instance.
+        once_per_process: whether a process may have only one instance.
         can_save: whether states can be saved as bytes.
         inputs: inputs by name.
         outputs: outputs by name.
@@ -67,7 +67,7 @@ class FmuInterface(NamedTuple):
     version: str
     token: str
     identifier: str
-    once: bool
+    once_per_process: bool
     can_save: bool
     inputs: Mapping[str, FmuVariable]
     outputs: Mapping[str, FmuVariable]

@@ -19,7 +19,7 @@ from ...tolerances import INPUT_DIGITS
 from .instance import FmuInstance, Parameter
 from .interface import FmuInterface
 
-DIGITS = 32  # bits of the fraction of the number of a state, below 1/2
+FRACTION_BITS = 32  # bits of the fraction of the number of a state, below 1/2
 MAX_SAVED = 256  # saved states that a process keeps for runs that continue from other runs
 HEADER = struct.Struct("<dd")  # number of a state, and its time
 Values = tuple[float, ...]
@@ -173,5 +173,5 @@ class FmuSession:
     def _digest(self, key: tuple[float, float, Values]) -> float:
         number, t, inputs = key
         data = self._origin + struct.pack(f"<{2 + len(inputs)}d", number, t, *inputs)
-        fraction = int.from_bytes(hashlib.sha256(data).digest()[: DIGITS // 8], "big") / 2 ** (DIGITS + 1)
+        fraction = int.from_bytes(hashlib.sha256(data).digest()[: FRACTION_BITS // 8], "big") / 2 ** (FRACTION_BITS + 1)
         return float(int(number) + 1) + fraction

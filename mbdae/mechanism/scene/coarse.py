@@ -8,15 +8,15 @@ from .surfaces import Surface
 CELLS = (64, 48, 32, 24, 16, 12, 8, 6, 4)  # numbers of grid cells along the longest side of a surface
 
 
-def coarse(parts: list[Drawable], limit: int) -> list[Drawable]:
-    """Return parts with about ``limit`` triangles in total, distributed in proportion to their triangles.
+def coarse(drawables: list[Drawable], limit: int) -> list[Drawable]:
+    """Return drawables with about ``limit`` triangles in total, distributed in proportion to their triangles.
 
     Points within a cell of a grid are merged into their mean. Textured and stretching surfaces are not simplified.
     Source: Rossignac, Borrel (1993), Multi-resolution 3D approximations for rendering complex scenes.
     """
-    count = sum(len(surface.faces) for part in parts for surface in part.solid.surfaces)
+    count = sum(len(surface.faces) for x in drawables for surface in x.solid.surfaces)
     ratio = limit / max(count, limit)
-    return [part._replace(solid=_coarse_solid(part.solid, ratio)) for part in parts]
+    return [x._replace(solid=_coarse_solid(x.solid, ratio)) for x in drawables]
 
 
 def _coarse_solid(solid: Solid, ratio: float) -> Solid:

@@ -40,7 +40,7 @@ class Vertices(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """Triangles that several parts may share.
+    """Triangles that several drawables may share.
 
     Attributes:
         surfaces: one for each colour or texture.
@@ -113,19 +113,19 @@ Motion = dict[str, Track]  # position (3) in m, rotation (4, quaternion x, y, z,
 
 
 def drawables(scene: Scene) -> list[Drawable]:
-    """Return the parts of a scene: its shapes, and coils and tubes of springs, which must have known lengths."""
-    return [*map(_part, scene.shapes), *(part for s in scene.springs for part in _spring_parts(s, scene.width))]
+    """Return the drawables of a scene: its shapes, and coils and tubes of springs, which must have known lengths."""
+    return [*map(_drawable, scene.shapes), *(x for s in scene.springs for x in _spring_drawables(s, scene.width))]
 
 
 def motions(scene: Scene, q: Array) -> list[Motion]:
-    """Return the motion of each part at configurations q (m, nq)."""
+    """Return the motion of each drawable at configurations q (m, nq)."""
     placements = scene.placements(q).swapaxes(0, 1)
     ends = scene.end_points(scene.springs, q).swapaxes(0, 1)
     out = [{"position": Track(p[:, :3]), "rotation": Track(continuous(p[:, 3:]))} for p in placements]
     return [*out, *(m for s, e in zip(scene.springs, ends, strict=True) for m in _spring_motions(s, e))]
 
 
-def _part(shape: Shape) -> Drawable:
+def _drawable(shape: Shape) -> Drawable:
     style: Style = "closure" if shape.role == "closure" else "body"
     name = f"{shape.role}/{shape.name.replace('/', '|')}"
     if shape.mesh is not None:
@@ -155,7 +155,7 @@ def primitive(kind: str, size: tuple[float, ...]) -> Solid:
     return _PRIMITIVES.setdefault((kind, size), Solid((solid(kind, size),)))
 
 
-def _spring_parts(spring: Strut, width: float) -> Iterator[Drawable]:
+def _spring_drawables(spring: Strut, width: float) -> Iterator[Drawable]:
     """Yield the coil of a spring, and cylinder and rod of a damper, of unit length."""
     radius, name = min(2.4 * width, 0.1 * spring.length), f"spring/{spring.name.replace('/', '|')}"
     if spring.coil:
@@ -168,12 +168,12 @@ def _spring_parts(spring: Strut, width: float) -> Iterator[Drawable]:
 
 
 def _spring_motions(spring: Strut, ends: Array) -> Iterator[Motion]:
-    """Yield the motion of the parts of a spring between its ends (m, 2, 3)."""
-    begin, lines = ends[:, 0], ends[:, 1] - ends[:, 0]
+    """Yield the motions of the drawables of a spring between its ends (m, 2, 3)."""
+    first, lines = ends[:, 0], ends[:, 1] - ends[:, 0]
     lengths, rotation = np.linalg.norm(lines, axis=1), Track(aligned_quaternions(lines))
     if spring.coil:
         yield {
-            "position": Track(begin),
+            "position": Track(first),
             "rotation": rotation,
             "stretch": Track((lengths / spring.length - 1)[:, None]),
         }
@@ -182,7 +182,7 @@ def _spring_motions(spring: Strut, ends: Array) -> Iterator[Motion]:
         unit = lines / np.maximum(lengths, TINY)[:, None]
         for low, high in ((0 * body, body), (0.9 * body, lengths)):
             yield {
-                "position": Track(begin + unit * ((low + high) / 2)[:, None]),
+                "position": Track(first + unit * ((low + high) / 2)[:, None]),
                 "rotation": rotation,
                 "scale": Track(along(np.maximum(high - low, INPUT_DIGITS * spring.length))),
             }

@@ -29,7 +29,7 @@ def path_derivatives(motion: MotionTangent) -> Array:
 
 
 def contact_derivatives(motion: MotionTangent) -> Array:
-    """Return the derivatives of normal, longitudinal, lateral force and friction of rolling bodies, (n, 4, m)."""
+    """Return derivatives of normal, longitudinal and lateral forces and required friction coefficients, (n, 4, m)."""
     mech = motion.mechanism
     out = np.empty((len(rolling_closures(mech)), 4, len(motion.d.t)))
     for i, closure in enumerate(rolling_closures(mech)):

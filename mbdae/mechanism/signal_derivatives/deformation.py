@@ -23,15 +23,18 @@ def deformation_derivatives(motion: MotionTangent) -> Array:
 
 
 def _fibre_rates(motion: MotionTangent) -> list[Array]:
-    """Return for each node the derivatives of strain and stress per mode by each parameter, (parameters, 2, k)."""
+    """Return for each node the derivatives of strain and stress per mode with respect to each parameter.
+
+    They have the shape (number of parameters, 2, k).
+    """
 
     def rows(mech: object, i: int) -> Array:
         node = list(nodes_of(mech.model))[i][1]  # type: ignore[attr-defined]
         return np.outer([1.0, node.modulus], np.zeros(node.Phi.shape[1]) if node.strain is None else node.strain)
 
-    number, parameters = len(list(nodes_of(motion.model))), motion.parameters.all
+    count, parameters = len(list(nodes_of(motion.model))), motion.parameters.all
     return [
         np.array([p.rate(lambda m, i=i: rows(m, i)) for p in parameters])  # type: ignore[misc]
         .reshape(len(parameters), 2, -1)
-        for i in range(number)
+        for i in range(count)
     ]

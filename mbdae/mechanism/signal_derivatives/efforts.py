@@ -18,9 +18,9 @@ def effort_derivatives(motion: MotionTangent) -> Array:
     bound = [law for law, _ in motion.system.laws.bound]
     out: list[Array] = []
     for law in named_laws(motion.mechanism, motion.system.laws).values():
-        number = next(i for i, known in enumerate(bound) if known is law)
-        out += _frame_force(motion, law, number) if isinstance(law, PairElement) else _joint_force(motion, law, number)
-        out += _deflections(motion, law, number)
+        index = next(i for i, known in enumerate(bound) if known is law)
+        out += _frame_force(motion, law, index) if isinstance(law, PairElement) else _joint_force(motion, law, index)
+        out += _deflections(motion, law, index)
     return np.array(out).reshape(-1, len(motion.d.t))
 
 
@@ -46,23 +46,23 @@ def friction_power_derivatives(motion: MotionTangent) -> Array:
     return np.array([motion.v[i] * d.lam[row] + motion.lam[row] * d.v[i] for row, i in rows])
 
 
-def _joint_force(motion: MotionTangent, law: ForceElement, number: int) -> list[Array]:
+def _joint_force(motion: MotionTangent, law: ForceElement, index: int) -> list[Array]:
     """Return the derivatives of a force along coordinates, and of its power."""
     t, q, v, d, nv = motion.t, motion.q, motion.v, motion.d, len(motion.v)
-    at = motion.system.laws.bound[number][1]
+    at = motion.system.laws.bound[index][1]
     element, s = ForceElements([law], motion.model), motion.s[at]
     tau, _ = element.generalized_force(t, q, v, s)
     by_state = element.partials(t, q, v, s)[:nv]
     dtau = by_state @ np.concatenate([d.q, d.v, d.s[at]]) + np.outer(element.time_partials(t, q, v, s)[:nv], d.t)
-    for i, laws in motion.perturbed_laws(number):
+    for i, laws in motion.perturbed_laws(index):
         found = {k: ForceElements([other], motion.model).generalized_force(t, q, v, s)[0] for k, other in laws.items()}
         dtau += np.outer(motion.parameters.all[i].quotient(found), d.p[i])
     return [*dtau[law.acting_components(nv)], v @ dtau + tau @ d.v]
 
 
-def _frame_force(motion: MotionTangent, law: PairElement, number: int) -> list[Array]:
+def _frame_force(motion: MotionTangent, law: PairElement, index: int) -> list[Array]:
     """Return the derivatives of a force between two frames, and of its power."""
-    F, dF = law_wrench(motion, law, number)
+    F, dF = law_wrench(motion, law, index)
     V, dV = motion.relative(law.pair)
     power = V @ dF + F @ dV
     if law.tension:
@@ -75,7 +75,7 @@ def _frame_force(motion: MotionTangent, law: PairElement, number: int) -> list[A
     return [*out, power]
 
 
-def _deflections(motion: MotionTangent, law: ForceElement, number: int) -> list[Array]:
+def _deflections(motion: MotionTangent, law: ForceElement, index: int) -> list[Array]:
     """Return the derivatives of the deflections of the springs of a force."""
     if not law.deflections:
         return []
@@ -92,7 +92,7 @@ def _deflections(motion: MotionTangent, law: ForceElement, number: int) -> list[
             out = (unit_gap(law.pair)[1] @ (point_velocities(Xb, pb) - point_velocities(Xa, pa)))[None]
     else:
         out = motion.d.q[[i for i, _ in law.deflections]]
-    for i, laws in motion.perturbed_laws(number):
+    for i, laws in motion.perturbed_laws(index):
         found = {k: other.deflection(motion.q) for k, other in laws.items()}
         out = out + np.outer(motion.parameters.all[i].quotient(found), motion.d.p[i])
     return list(out)

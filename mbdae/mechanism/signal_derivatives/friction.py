@@ -1,4 +1,4 @@
-"""Derivatives of closure friction with respect to multipliers, see `mbdae.mechanism.formulations.closure_friction`.
+"""Directional derivatives of wrenches of closure friction, see `mbdae.mechanism.formulations.closure_friction`.
 
 With the wrenches A (m, 6) of the slip directions of an interface, its slip s = A V and c = -mu r,
 
@@ -22,7 +22,7 @@ from .motion_tangent import MotionTangent
 
 
 def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
-    """Return the regularized friction of a closure on its second frame, at the world's origin, (6,), and (6, m)."""
+    """Return the regularized friction of a closure on its second frame, about the world's origin, (6,), and (6, m)."""
     friction, parameters = motion.system.closure_friction, motion.parameters
     F, dF = np.zeros(6), np.zeros((6, len(motion.d.t)))
     for k in friction.regularized_interfaces(name):

@@ -1,7 +1,7 @@
 """Tangent of the motion of bodies, and of frames fixed to them, at a point in m directions.
 
 A direction changes (q, v, v'), the mechanism's parameters and time. It displaces body i, and frames fixed to it, by the
-motion X_i at the world's origin. With the columns J_i of its joint, w_i = J_i v_i, the parent body p, and the effect
+twist X_i about the world's origin. With the columns J_i of its joint, w_i = J_i v_i, the parent body p, and the effect
 P_i dp of parameters on the joint placement,
 
     X_i = X_p + P_i dp + J_i dq_i
@@ -55,7 +55,8 @@ class MotionTangent:
         parameters: varied parameters, with a workspace.
 
     Attributes:
-        X, V, A, dV, dA: motions in the world by joint: V and A are (6,), X, dV and dA (6, m).
+        X, V, A, dV, dA: twists in the world by joint: displacements X (6, m), velocities V (6,), accelerations A (6,),
+            and the derivatives dV and dA (6, m).
     """
 
     def __init__(self, parameters: "Parameters") -> None:

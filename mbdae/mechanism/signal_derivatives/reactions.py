@@ -38,22 +38,22 @@ def reaction_derivatives(motion: MotionTangent) -> tuple[Array, Array]:
             p, R = motion.placements[j].translation, motion.placements[j].rotation
         world = np.concatenate([w[:3], w[3:] - cross(p, w[:3])])
         lever = cross(point_velocities(X, p), w[:3, None]) + cross(p[:, None], dw[:3])
-        moved = np.concatenate([dw[:3], dw[3:] - lever])
-        values[0, i], derivatives[0, i] = world, moved
+        dworld = np.concatenate([dw[:3], dw[3:] - lever])
+        values[0, i], derivatives[0, i] = world, dworld
         for part in (slice(0, 3), slice(3, 6)):
             values[1, i, part] = R.T.dot(world[part])
-            derivatives[1, i, part] = R.T.dot(moved[part] - cross(X_axes[3:], world[part][:, None]))
+            derivatives[1, i, part] = R.T.dot(dworld[part] - cross(X_axes[3:], world[part][:, None]))
     return values.reshape(2, -1, 2, 3), derivatives.reshape(2, -1, 2, 3, m)
 
 
 def _joints(motion: MotionTangent, closures: dict[str, tuple[Array, Array]]) -> tuple[Array, Array]:
-    """Return the wrenches in all joints at the world's origin, (njoints, 6), and their derivatives, (njoints, 6, m)."""
+    """Return the wrenches in all joints about the world's origin, (njoints, 6), and their tangents, (njoints, 6, m)."""
     model, parameters, d = motion.model, motion.parameters, motion.d
     F, dF = np.zeros((model.njoints, 6)), np.zeros((model.njoints, 6, len(d.t)))
     outer = [(motion.system.constraints.frame_rows[name].pair, *found) for name, found in closures.items()]
-    for number, (law, _) in enumerate(motion.system.laws.bound):
+    for index, (law, _) in enumerate(motion.system.laws.bound):
         if isinstance(law, PairElement):
-            outer.append((law.pair, *law_wrench(motion, law, number)))
+            outer.append((law.pair, *law_wrench(motion, law, index)))
     for pair, w, dw in outer:
         for joint, sign in ((pair.b.joint, -1.0), (pair.a.joint, 1.0)):
             F[joint] += sign * w

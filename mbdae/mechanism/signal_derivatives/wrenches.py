@@ -16,7 +16,7 @@ def wrench_cross(a: Array, F: Array) -> Array:
 
 
 def closure_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
-    """Return the wrench of a closure on its second frame, at the world's origin, (6,), and its derivatives (6, m)."""
+    """Return the wrench of a closure on its second frame, about the world's origin, (6,), and its tangents (6, m)."""
     constraints, parameters = motion.system.constraints, motion.parameters
     pair, rows = constraints.frame_rows[name]
     pair.locate()
@@ -44,7 +44,7 @@ def closure_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
 
 
 def law_wrench(motion: MotionTangent, law: PairElement, index: int) -> tuple[Array, Array]:
-    """Return the wrench of a force on its second frame, at the world's origin, (6,), and its derivatives (6, m).
+    """Return the wrench of a force on its second frame, about the world's origin, (6,), and its derivatives (6, m).
 
     Args:
         motion: the motion, with its tangent.

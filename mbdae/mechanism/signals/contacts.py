@@ -28,9 +28,9 @@ class Contact:
     Attributes:
         name: name of the closure.
         t: times in s, (n,).
-        normal: N in N, positive in compression, (n,); nan if joints keep the body on the surface.
-        longitudinal: forwards along the heading, in N, (n,).
-        lateral: to the left, in N, (n,).
+        normal: normal force N in N, positive in compression, (n,); nan if joints keep the body on the surface.
+        longitudinal: force forwards along the heading, in N, (n,).
+        lateral: force to the left, in N, (n,).
         point: contact point in the world in m, (n, 3).
         unique: which of the three forces the motion determines.
     """

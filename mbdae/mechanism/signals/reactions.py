@@ -94,7 +94,7 @@ def reaction(mech: "Mechanism", name: str, t: Array, q: Array, lam: Array, v: Ar
         t: times, (n,).
         q: configurations, (n, nq).
         lam: multipliers, (n, ng).
-        v: velocities, (n, nv), on which closure friction depends; at rest when left out.
+        v: velocities, (n, nv), on which closure friction depends; at rest if omitted.
 
     Raises:
         UnknownNameError: for an unknown name.
@@ -175,7 +175,7 @@ def redundant(mech: "Mechanism", t: float, q: Array) -> dict[str, int]:
 
 
 def mass_scaled_jacobian(system: "Index2System", t: float, q: Array) -> Array:
-    """Return G M^-1/2 over all rows, (ng, nv)."""
+    """Return G M^-1/2 of all rows, (ng, nv)."""
     return independent_rows.mass_scaled(system.inertia(t, q), system.jacobian()).T
 
 

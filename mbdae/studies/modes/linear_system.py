@@ -178,7 +178,7 @@ def linearize(
     chosen_inputs = as_list(inputs, "inputs is a list of names")
     joints = velocity_labels(mech, np.arange(mech.nv))
     chosen_outputs = as_list(outputs, "outputs is a list of names") or [f"{x}.{n}" for x in "qv" for n in joints]
-    state_matrix, Z, k = motion.state_matrix, motion.speeds, motion.positions.shape[1]
+    perturbation_map, Z, k = motion.perturbation_map, motion.Z, motion.Zp.shape[1]
     ns, n = len(point.s), len(motion.A)
     partials = _input_partials(statics, point.q, joints)
     columns, jumps = np.zeros((n, len(chosen_inputs))), np.zeros((n, len(chosen_inputs)))
@@ -194,7 +194,7 @@ def linearize(
             raise UnknownNameError("output", name, output_rows)
     C = (
         np.array([output_rows[name] for name in chosen_outputs]).reshape(len(chosen_outputs), 2 * mech.nv + ns)
-        @ state_matrix
+        @ perturbation_map
     )
     B, D = columns + motion.A @ jumps, C @ jumps
     return LinearSystem(mech.title, motion.A, B, C, D, tuple(chosen_inputs), tuple(chosen_outputs), motion,

@@ -84,8 +84,8 @@ class Modes(Tabular):
 
         The shape is 0 for a mode of states only, such as a current, and for the speed of a free motion.
         """
-        n = self.motion.positions.shape[1]
-        shapes = self.motion.positions @ self.spectrum.vectors[:n, self.eigenvalues.imag >= 0]
+        n = self.motion.Zp.shape[1]
+        shapes = self.motion.Zp @ self.spectrum.vectors[:n, self.eigenvalues.imag >= 0]
         return np.array([self._normalized(dq) for dq in shapes.T]).reshape(-1, self.mechanism.nv)
 
     def _normalized(self, dq: Array) -> Array:
@@ -110,7 +110,7 @@ class Modes(Tabular):
     @property
     def free_below(self) -> float:
         """Frequency in rad/s below which modes cannot be distinguished from free motions; 0 if there are none."""
-        (k, m), zeros = (self.motion.positions.shape[1], self.motion.speeds.shape[1]), self.eigenvalues == 0
+        (k, m), zeros = (self.motion.Zp.shape[1], self.motion.Z.shape[1]), self.eigenvalues == 0
         x = np.abs(self.spectrum.vectors[:k, zeros])
         size = np.linalg.norm(x, axis=0)
         stiffness = np.linalg.norm(self.motion.noise[k : k + m, :k] @ x, axis=0)[size > 0] / size[size > 0]

@@ -19,7 +19,7 @@ import numpy as np
 from ...errors import InputError, StepError
 from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
 from ...mechanism.equilibrium.spectrum import CERTAIN, curvature, null_space, scale_of
-from ...mechanism.flexible.linear_range import bends_by_its_size
+from ...mechanism.flexible.linear_range import deflection_exceeds_size
 from ...system import Array
 from ...tolerances import EPS, ITERATION_ROUNDING, ROUNDING, SAME_STATE, SMALLEST_PART, THREE_DIGITS, VISIBLE
 from ..path_location import locate
@@ -68,7 +68,7 @@ class Continuation:
             points += [*(at for at, _ in found), next_point]
             critical += [event for _, event in found]
             diverges = next_point.u < LOWEST_FRACTION
-            if ended or diverges or bends_by_its_size(self.statics.mech.model, next_point.balance.q):
+            if ended or diverges or deflection_exceeds_size(self.statics.mech.model, next_point.balance.q):
                 return points, critical, ended
             if change:
                 after = self.continue_after(next_point, change.contact)

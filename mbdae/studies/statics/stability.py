@@ -74,7 +74,7 @@ def verdict(statics: Statics, balance: ForceBalance) -> Verdict:
     if loses_rank(statics, balance):
         return Verdict("singular", 0, 0, w, "stiffness")
     motion, stiffness = linearize_at(statics, balance), curvature(balance.H, balance.noise)
-    (k, m), C = (motion.positions.shape[1], motion.speeds.shape[1]), motion.damping
+    (k, m), C = (motion.Zp.shape[1], motion.Z.shape[1]), motion.damping
     bound = motion.noise[k : k + m, k : k + m]
     potential = symmetric(balance.H, balance.noise) and not len(balance.s)
     gyroscopic, dissipates = not symmetric(C, bound), not curvature(C, bound).negative
@@ -90,7 +90,7 @@ def _zero_modes(motion: LinearMotion) -> int:
     An undamped displacement has a Jordan chain of length 2 of the eigenvalue 0, a damped one a single eigenvalue 0.
     Null vectors without a displacement are states that do not affect the motion.
     """
-    k = motion.positions.shape[1]
+    k = motion.Zp.shape[1]
     velocity_null = null_space(motion.A[:, k:], motion.noise[:, k:])
     return len(null_space(motion.A, motion.noise).free) - len(velocity_null.free)
 

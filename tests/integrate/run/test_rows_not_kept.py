@@ -70,4 +70,4 @@ def test_ggl_ends_where_a_row_not_in_use_opens(options, c):
 def test_index_3_violates_all_velocity_rows():
     sol = mbdae.solve(mbdae.load("four_bar"), (0, 0.5), method="hht_i3", step=1e-3)
     assert sol.status == "doubtful"
-    assert sol.message.startswith("rows are not kept: |G v| reached")
+    assert sol.message.startswith("rows are not satisfied: |G v| reached")

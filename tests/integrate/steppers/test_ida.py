@@ -160,7 +160,7 @@ def test_the_extra_is_named(monkeypatch):
 def test_a_coarse_tolerance_is_reported_with_a_remedy_that_exists(formulation):
     sol = mbdae.solve("four_bar", (0, 1), method="ida", formulation=formulation, rtol=1e-4)
     assert sol.status == "doubtful"
-    assert sol.message.startswith("rows are not kept: |G v| reached")
+    assert sol.message.startswith("rows are not satisfied: |G v| reached")
     assert sol.message.endswith("take a smaller rtol")
 
 

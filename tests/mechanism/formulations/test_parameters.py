@@ -95,7 +95,7 @@ def test_parameters_of_files():
     assert (np.abs(np.vstack([P, Q, g])).max(axis=0) > 0.1).all()
     assert not g[:, 0].any()
     across = Parameters(Template("four_bar").make, {"joint.rocker.rpy.0": 0.0})
-    with pytest.raises(InputError, match=r"'joint\.rocker\.rpy\.0' opens closures that depend on each other"):
+    with pytest.raises(InputError, match=r"'joint\.rocker\.rpy\.0' violates redundant closures"):
         across.require_consistent(0.0, q)
 
 

@@ -251,7 +251,7 @@ WRONG = [
     ({}, {"gravity.2": (-8, -12)}, InputError, r"'gravity\.2' takes \(low, high\)"),
     ({}, {"gravity.2": (-20, -12, -8)}, InputError, "outside its bounds"),
     ({}, {"gravity.x": (-12, -8)}, UnknownNameError, "gravity"),
-    ({}, {"joint.rocker.rpy.0": (-1, 1)}, InputError, "opens closures that depend on each other"),
+    ({}, {"joint.rocker.rpy.0": (-1, 1)}, InputError, "violates redundant closures"),
     ({"known": [{}, {}]}, {}, InputError, "2 tables for 1 runs"),
     ({"spans": (2.0,)}, {}, InputError, "fractions of the samples"),
     ({"spans": 1.0}, {}, InputError, "fractions of the samples"),

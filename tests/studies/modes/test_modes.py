@@ -94,7 +94,7 @@ def test_runs_flow_as_the_linear_system_says(name):
     motion = mbdae.modes(mech, rest.q).motion
     system, nv = mech.system(), mech.nv
     columns = []
-    for change in motion.state_matrix.T:
+    for change in motion.perturbation_map.T:
         ends = {}
         for k in (-2, -1, 1, 2):
             q = mech.manifold.integrate(rest.q, k * a * change[:nv])

@@ -171,7 +171,7 @@ WRONG = [
     (infinite, G, {}, InputError, "cost 'infinite' is inf"),
     (unknown, G, TURN, UnknownNameError, "unknown signal of a curve 'q.nothing'"),
     (infinite, G, {"drive": "rocker", "points": 5}, InputError, "'rocker' reaches a dead point"),
-    (uneven, {"joint.rocker.rpy.0": 0.0}, TURN, InputError, "opens closures that depend on each other"),
+    (uneven, {"joint.rocker.rpy.0": 0.0}, TURN, InputError, "violates redundant closures"),
 ]  # fmt: skip
 
 

@@ -22,7 +22,7 @@ def test_a_joint_axis_is_rejected():
 
 
 @pytest.mark.parametrize(
-    ("own", "words"), [({"ki": 0.0}, "'ki' changes which states"), ({"rate": 20.0}, "'rate' moves the instants of")]
+    ("own", "words"), [({"ki": 0.0}, "'ki' changes which states"), ({"rate": 20.0}, "'rate' changes the sampling")]
 )
 def test_states_and_instants_are_rejected(own, words):
     sol = mbdae.solve(with_pid(**own), (0.0, 0.1), step=0.01)

@@ -93,7 +93,7 @@ def test_a_start_that_its_guess_does_not_decide(tmp_path):
 def test_times_at_which_a_signal_jumps_are_rejected(slides):
     model = slides('{kind = "steps", points = [[0.0, 0.0], [0.5, 3.0]]}')
     sol = mbdae.solve(model.make({}), (0.0, 1.0), step=0.1)
-    with pytest.raises(InputError, match=r"'force\.push\.torque\.points\.1\.0' moves the instants of 'push'"):
+    with pytest.raises(InputError, match=r"'force\.push\.torque\.points\.1\.0' changes the times of jumps of 'push'"):
         mbdae.sensitivity(sol, ["force.push.torque.points.1.0"], model=model)
     assert mbdae.sensitivity(sol, ["force.push.torque.points.1.1"], model=model).q[-1, 1, 0] == pytest.approx(0.0625)
 

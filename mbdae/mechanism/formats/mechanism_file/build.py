@@ -79,10 +79,10 @@ def _attach(tree: Tree, file: MechanismFile, parts: Sequence[ImportedModel]) -> 
 
 
 def require_finite(model: pin.Model) -> None:
-    """Reject inertias and placements that are not finite, and negative masses and dampings.
+    """Reject inertias and placements that are not finite, and negative masses and damping coefficients.
 
     Raises:
-        InputError: for an infinite or extremely large value, or a negative mass or damping.
+        InputError: for an infinite or extremely large value, or a negative mass or damping coefficient.
     """
     for name, inertia, pose_in_joint in zip(model.names, model.inertias, model.jointPlacements, strict=True):
         numbers = [inertia.mass, *inertia.lever, *inertia.inertia.ravel(), *pose_in_joint.homogeneous.ravel()]

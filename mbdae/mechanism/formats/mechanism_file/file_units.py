@@ -15,9 +15,9 @@ class FileUnits(Table):
         mass: kg, g, t, lb.
         time: s, ms, min, h.
         force: N, mN, kN, MN, kgf, lbf.
-        torque: N m, N mm, N cm, kN m, lbf in, lbf ft; if left out, force times length.
-        rotation: speed of rotation, rad/s or rpm; if left out, angle per time.
-        pressure: N/m^2, Pa, kPa, MPa, GPa, bar; if left out, force per area.
+        torque: N m, N mm, N cm, kN m, lbf in, lbf ft; if omitted, force times length.
+        rotation: angular velocity, rad/s or rpm; if omitted, angle per time.
+        pressure: N/m^2, Pa, kPa, MPa, GPa, bar; if omitted, force per area.
         energy: J, mJ, kJ.
         power: W, mW, kW.
     """

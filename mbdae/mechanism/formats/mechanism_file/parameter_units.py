@@ -18,7 +18,7 @@ from .unit_conversion import Conversion
 def parameter_unit(template: Template, name: str) -> str:
     """Return the SI unit of the parameter with a dotted name; "" for a parameter of a mechanism.py, without units.
 
-    It depends on the joints of the mechanism: the stiffness of a spring on a hinge is in N m/rad, on a slide in N/m.
+    It depends on the joints of the mechanism: a stiffness is in N m/rad on a revolute joint, in N/m on a prismatic one.
 
     Raises:
         UnknownNameError, InputError: for an invalid path.

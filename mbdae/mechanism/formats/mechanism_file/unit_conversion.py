@@ -53,7 +53,7 @@ class Conversion:
     """Conversion of tables to SI.
 
     Args:
-        units: of the numbers.
+        units: units of the numbers in the tables.
         coordinates: units in SI of ``q`` and ``v`` by joint and coordinate, see `joint_coordinate_units`.
         closures: kinds of friction of closures by name.
     """
@@ -63,7 +63,7 @@ class Conversion:
         self.components = units_by_coordinate(coordinates)
 
     def table(self, table: Any, symbols: UnitSymbols | None = None) -> Any:
-        """Return a table in SI; keys that were left out keep their defaults."""
+        """Return a table in SI; omitted keys keep their defaults."""
         known = {**(symbols or {}), **self.joint_symbols(table), **table.unit_symbols()}
         given = {key: getattr(table, key) for key in type(table).model_fields if key in table.model_fields_set}
         return type(table)(**{key: self._key(table, key, value, known) for key, value in given.items()})
@@ -101,7 +101,7 @@ class Conversion:
     def _number(self, x: float, unit: str, symbols: UnitSymbols) -> float:
         missing = [s for s in _expanded(unit, symbols) if JOINT_SYMBOL.fullmatch(s) and s not in symbols]
         if missing:
-            raise InputError("[units] need joints of one kind, that turn or that slide: use one table for each kind")
+            raise InputError("[units] need joints of one kind, revolute or prismatic: use one table for each kind")
         return self.units.factor(substituted(unit, symbols)).apply(x)
 
     def _coordinate(self, name: str, value: Any, per_time: bool) -> Any:

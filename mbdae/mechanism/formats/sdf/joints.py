@@ -30,8 +30,8 @@ class SdfAxis:
 
     Attributes:
         xyz: unit vector in the joint's frame.
-        damping: damping in N m s/rad or N s/m.
-        friction: friction in N m or N.
+        damping: damping coefficient in N m s/rad or N s/m.
+        friction: dry friction in N m or N.
         stiffness: stiffness in N m/rad or N/m.
         rest: rest position of the spring, in rad or m.
         limits: lower and upper limit in rad or m.

@@ -173,22 +173,22 @@ class SdfModel:
 
     def _append_inertia(self, link: str, joint: int) -> None:
         inertia, fraction = self.inertias[link], 1 / (1 + self.splits[link])
-        part = pin.Inertia(inertia.mass * fraction, inertia.lever, inertia.inertia * fraction)
-        self.model.appendBodyToJoint(joint, part, self.origins[joint].actInv(self.sdf.links[link]))
+        divided = pin.Inertia(inertia.mass * fraction, inertia.lever, inertia.inertia * fraction)
+        self.model.appendBodyToJoint(joint, divided, self.origins[joint].actInv(self.sdf.links[link]))
 
     def _frame(self, name: str, joint: int, placement: pin.SE3, kind: pin.FrameType = pin.FrameType.OP_FRAME) -> None:
         self.model.addFrame(pin.Frame(name, joint, self.origins[joint].actInv(placement), kind), False)
 
     def _close(self, j: SdfJoint) -> Closure:
-        names, split_joints = (f"{j.name} on {j.parent}", f"{j.name} on {j.child}"), j in self.split_joints
+        names, is_split = (f"{j.name} on {j.parent}", f"{j.name} on {j.child}"), j in self.split_joints
         parents = [self.parent_joints[j.parent], self.parent_joints[j.child]]
-        if split_joints:
+        if is_split:
             parents[0] = self._add_joint(j)
             self._append_inertia(j.child, parents[0])
         for name, joint in zip(names, parents, strict=True):
             self._frame(name, joint, j.placement)
-        axes = {} if split_joints else dict(zip(("axis", "second_axis"), (a.xyz for a in j.axes), strict=False))
-        kind = "frame" if split_joints else CLOSURE_KINDS[j.kind]
+        axes = {} if is_split else dict(zip(("axis", "second_axis"), (a.xyz for a in j.axes), strict=False))
+        kind = "frame" if is_split else CLOSURE_KINDS[j.kind]
         return Closure(kind=kind, frames=names, name=j.name, **axes)  # type: ignore[arg-type]
 
     def _weightless(self, link: str) -> tuple[str, float] | None:
@@ -219,7 +219,7 @@ class SdfModel:
     def _unsupported(self, shapeless: list[str]) -> list[tuple[str, list[str]]]:
         """Return contents that are read, but not supported, with their names."""
         moving, cut = self.moving, [j for j in self.joints if j not in (*self.tree, *self.split_joints)]
-        led, links = {m.joint for m in self._mimics()}, self.sdf.by_name
+        coupled, links = {m.joint for m in self._mimics()}, self.sdf.by_name
 
         def names(joints: Iterable[SdfJoint], has: Callable[[SdfAxis], Any]) -> list[str]:
             return [j.name for j in joints if any(map(has, j.axes))]
@@ -234,7 +234,7 @@ class SdfModel:
             ("friction where loops are closed", names(cut, friction)),
             ("springs of joints with two axes", names((j for j in moving if not j.scalar), attrgetter("stiffness"))),
             ("damping and springs where loops are closed", [j.name for j in cut if j.has_force]),
-            (MIMICRY, [j.name for j in self.joints if j.unsupported_leader or (j.mimic and j.name not in led)]),
+            (MIMICRY, [j.name for j in self.joints if j.unsupported_leader or (j.mimic and j.name not in coupled)]),
             ("kinematic motion of links", [n for n in self.sdf.links if self.sdf.is_set(links[n], "kinematic")]),
             ("shapes", shapeless),
         ]

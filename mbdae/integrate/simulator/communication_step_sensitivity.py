@@ -1,4 +1,4 @@
-"""Discrete tangent and adjoint of one advance of a simulator: derivatives of the steps that were taken."""
+"""Discrete tangent and adjoint of a communication step of a simulator: derivatives of the steps that were taken."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -21,11 +21,11 @@ from ..run.run_state import RunState
 from ..trajectory.native_trajectory import NativeStep
 from ..trajectory.trajectory import Trajectory, TrajectoryPart
 
-BEFORE = "before "  # prefix of columns: the value of an input at the start of an advance
+BEFORE = "before "  # prefix of columns: the value of an input at the start of a communication step
 
 
-class LastAdvance(NamedTuple):
-    """The last advance: its first node, the time there, whether a carry was restarted there, and its length in s."""
+class LastCommunicationStep(NamedTuple):
+    """The last communication step: its first node, time there, whether a carry was restarted there, its size in s."""
 
     node: int
     t: float
@@ -33,8 +33,8 @@ class LastAdvance(NamedTuple):
     dt: float = 0.0
 
 
-class AdvanceParameters:
-    """Inputs and parameters of a simulator as parameters of its advances, bound once.
+class CommunicationStepParameters:
+    """Inputs and parameters of a simulator as parameters of its communication steps, bound once.
 
     Args:
         inputs: the inputs.
@@ -44,9 +44,9 @@ class AdvanceParameters:
 
     Attributes:
         names: names of the parameters.
-        linear: names of the inputs that are linear over an advance.
-        communication_step: of the last advance.
-        bound: inputs, their values before the advance, and parameters, as parameters of the mechanism.
+        linear: names of the inputs that are linear over a communication step.
+        communication_step: start and size of the last communication step.
+        bound: inputs, their values before the communication step, and parameters, as parameters of the mechanism.
         columns: names of these.
 
     Raises:
@@ -58,7 +58,7 @@ class AdvanceParameters:
         if isinstance(names, str) or not all(isinstance(name, str) for name in names):
             raise InputError(f"parameters are given by dotted names, got {names!r:.60}")
         self.inputs, self.names, self.communication_step = inputs, tuple(names), CommunicationStep()
-        self.linear = [name for name, cell in inputs.user_inputs.items() if cell.hold == "first"]
+        self.linear = [name for name, u in inputs.user_inputs.items() if u.hold == "first"]
         values = dict.fromkeys([*inputs.user_inputs, *(BEFORE + name for name in self.linear)], UNIT)
         if names:
             if not inputs.original.source:
@@ -82,7 +82,7 @@ class AdvanceParameters:
         return self.inputs.replaced(varied)
 
     def column(self, kind: str, name: str) -> int:
-        """Return the column of an "input", of an "input of first order" before the advance, or of a "parameter".
+        """Return the column of an "input", of an "input of first order" before the step, or of a "parameter".
 
         Raises:
             UnknownNameError: lists the valid names.
@@ -93,29 +93,29 @@ class AdvanceParameters:
         return self.columns.index(BEFORE + name if known is self.linear else name)
 
 
-class AdvanceSensitivity:
-    """Derivatives of an advance of a simulator.
+class CommunicationStepSensitivity:
+    """Derivatives of a communication step of a simulator.
 
     Args:
         run: the run.
-        last: last advance of the run.
+        last: last communication step of the run.
         parameters: inputs and parameters.
 
     Attributes:
-        sol: the nodes of the advance, including its first one; the inputs are those of the simulator.
+        sol: the nodes of the communication step, including its first one; the inputs are those of the simulator.
         trajectory: the trajectory of these nodes, recomputed on demand.
 
     Raises:
         InputError: for steps without a derivative; the message names the reason.
     """
 
-    def __init__(self, run: RunState, last: LastAdvance, parameters: AdvanceParameters) -> None:
+    def __init__(self, run: RunState, last: LastCommunicationStep, parameters: CommunicationStepParameters) -> None:
         self.parameters, self.sol = parameters, _nodes_from(run, last.node)
         self.trajectory = Trajectory(self.sol, parameters.bound)
         if self.trajectory.n_carry and not last.restarted:
             raise InputError(
-                f"method {self.trajectory.tableau.name!r} reuses v' of the previous step: for derivatives of"
-                " advances create the simulator with restart=True"
+                f"method {self.trajectory.tableau.name!r} reuses v' of the previous step: for derivatives"
+                " create the simulator with restart=True"
             )
         self.trajectory.restarted[0] = not self.trajectory.jumped[0]
 
@@ -125,7 +125,7 @@ class AdvanceSensitivity:
         return [[*self.trajectory.carry_restart_parts(0), *first], *others]
 
     def tangents(self, dy: Array, dp: Array, dt: Array) -> Array:
-        """Return variations of y at nodes, (n, ny, m), given those of the first y, (ny, m), columns, (k, m), dt."""
+        """Return variations of y at the nodes, (n, ny, m), for dy (ny, m) at the first one, dp (k, m) and dt (m,)."""
         carry, out = np.zeros((self.trajectory.n_carry, dy.shape[1])), [dy]
         if scaled := bool(np.any(dt)):
             self._require_autonomous()
@@ -147,9 +147,9 @@ class AdvanceSensitivity:
         return out
 
     def _scaled_inputs(self, t: float, dt: Array) -> Array:
-        """Return variations (k, m) that keep the inputs of a step from t on, while its times scale with the advance.
+        """Return variations (k, m) that keep the inputs at the stages of a step from t, while its size scales with dt.
 
-        Derivatives with respect to the step size hold t constant; the remainder is -u' (t' - t) dt/length at t'.
+        A stage at t' moves by (t' - t) dt/size; the variation -u' (t' - t) dt/size cancels the change of its input.
         """
         p, step = self.parameters, self.parameters.communication_step
         out = np.zeros((len(p.columns), len(dt)))
@@ -169,19 +169,19 @@ class AdvanceSensitivity:
         return y[:, 0], p
 
     def _require_autonomous(self) -> None:
-        """Check that equations depend on time only by inputs, so that steps scale with the advance.
+        """Check that equations depend on time only by inputs, so that steps scale with dt.
 
         Raises:
             InputError: if they do not.
         """
-        m, trajectory, cells = self.sol.mechanism, self.trajectory, list(self.parameters.inputs.user_inputs.values())
+        m, trajectory, inputs = self.sol.mechanism, self.trajectory, list(self.parameters.inputs.user_inputs.values())
         if samplers_of(trajectory.system.laws) or any(trajectory.jumped[1:]):
-            reason = "sampling times or jumps within the advance do not scale with dt"
+            reason = "sampling times or jumps within the communication step do not scale with dt"
             raise InputError(f"{reason}: no derivative with respect to dt")
-        settings = [cell.setting for cell in cells]
+        settings = [u.setting for u in inputs]
         try:
-            for cell in cells:
-                cell.set(cell.setting._replace(rate=0.0))
+            for u in inputs:
+                u.set(u.setting._replace(rate=0.0))
             for i in (0, len(trajectory.ts) - 1):
                 q, v, s, _ = np.split(trajectory.ys[i], np.cumsum([m.nq, m.nv, len(m.states)]))
                 at = m.at(float(trajectory.ts[i]), q, v, s, mode=self.sol.mode(i) or trajectory.system.mode)
@@ -189,8 +189,8 @@ class AdvanceSensitivity:
                 if any(x.any() for x in time_partials):
                     raise InputError("forces or drivers depend on time: no derivative with respect to dt")
         finally:
-            for cell, setting in zip(cells, settings, strict=True):
-                cell.set(setting)
+            for u, setting in zip(inputs, settings, strict=True):
+                u.set(setting)
 
 
 def _nodes_from(run: RunState, first: int) -> Solution:

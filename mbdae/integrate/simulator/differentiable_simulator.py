@@ -1,4 +1,4 @@
-"""Tangent and adjoint of the last advance of a simulator."""
+"""Tangent and adjoint of the last communication step of a simulator."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -10,11 +10,15 @@ from ...mechanism import Mechanism
 from ...mechanism.inputs import Inputs
 from ...system import Array
 from ..run.run_state import RunState
-from .advance_sensitivity import AdvanceParameters, AdvanceSensitivity, LastAdvance
+from .communication_step_sensitivity import (
+    CommunicationStepParameters,
+    CommunicationStepSensitivity,
+    LastCommunicationStep,
+)
 
 
 class Tangent(NamedTuple):
-    """Variations of the state at the end of an advance: of q in the tangent (nv,), of v (nv,) and s (ns,).
+    """Variations of the state at the end of a communication step: of q in the tangent (nv,), of v (nv,) and s (ns,).
 
     With m directions, (nv, m), (nv, m), (ns, m).
     """
@@ -25,14 +29,14 @@ class Tangent(NamedTuple):
 
 
 class Adjoint(NamedTuple):
-    """Derivatives of <q, q_1> + <v, v_1> + <s, s_1>, with the state (q_1, v_1, s_1) at the end of an advance.
+    """Derivatives of <q, q_1> + <v, v_1> + <s, s_1>, with the state (q_1, v_1, s_1) at the end of a communication step.
 
     Attributes:
         q, v, s: with respect to the state at the start, (nv,), (nv,), (ns,), that of q in the tangent.
-        inputs: with respect to the value of each input that was set for the advance.
+        inputs: with respect to the value of each input that was set for the step.
         inputs_before: with respect to the value at the start, of each input with ``hold = "first"``.
         parameters: with respect to the given parameters.
-        dt: with respect to the length of the advance; None unless requested.
+        dt: with respect to the size of the step; None unless requested.
     """
 
     q: Array
@@ -44,8 +48,8 @@ class Adjoint(NamedTuple):
     dt: float | None
 
 
-class DifferentiableAdvance:
-    """The last advance (q_0, v_0, s_0, u, p) -> (q_1, v_1, s_1) of a simulator, and its derivatives.
+class DifferentiableSimulator:
+    """Simulator with derivatives of its last communication step, (q_0, v_0, s_0, u, p) -> (q_1, v_1, s_1).
 
     The derivatives are those of the computed steps, with their sizes and rows in use, exact to rounding (see
     `mbdae.sensitivity`). The carry of the method, if it has one, must be a function of the state at the start: either
@@ -55,9 +59,9 @@ class DifferentiableAdvance:
     mechanism: Mechanism
     inputs: Inputs
     status: str
-    _last: LastAdvance | None = None
-    _bound: AdvanceParameters | None = None
-    _differentiated: AdvanceSensitivity | None = None
+    _last: LastCommunicationStep | None = None
+    _bound: CommunicationStepParameters | None = None
+    _differentiated: CommunicationStepSensitivity | None = None
 
     @property
     def _run(self) -> RunState:
@@ -75,19 +79,19 @@ class DifferentiableAdvance:
         parameters: Mapping[str, Any] | None = None,
         dt: Any = 0.0,
     ) -> Tangent:
-        """Return the derivative of the last advance along a direction; omitted variations are 0.
+        """Return the derivative of the last communication step along a direction; omitted variations are 0.
 
         Args:
             dq: variation of q at the start, in the tangent, (nv,), or (nv, m); it may violate closures.
             dv: variation of v at the start, (nv,) or (nv, m).
             ds: variation of s at the start, (ns,) or (ns, m).
-            inputs: variations of the inputs that were set for the advance, by name; numbers or (m,).
+            inputs: variations of the inputs that were set for the step, by name; numbers or (m,).
             inputs_before: variations of inputs with ``hold = "first"`` at the start.
             parameters: variations of parameters, by dotted name; they do not change the state at the start.
-            dt: variation of the length; all steps scale with it.
+            dt: variation of the size; all steps of the method scale with it.
 
         Raises:
-            InputError: without an advance, if its modes change or a terminal event ended it; for wrong shapes, a
+            InputError: before the first step, if modes change in it or a terminal event ended it; for wrong shapes, a
                 method without derivatives, and without the compiled core.
             UnknownNameError: for an unknown input or parameter.
         """
@@ -128,7 +132,7 @@ class DifferentiableAdvance:
             v: weights of v, (nv,).
             s: weights of s, (ns,).
             parameters: dotted names.
-            dt: whether to differentiate also with respect to the length of the advance.
+            dt: whether to differentiate also with respect to the size of the communication step.
 
         Raises:
             InputError: as for `tangent`.
@@ -150,8 +154,8 @@ class DifferentiableAdvance:
             {name: gradient[column("parameter", name)] for name in parameters}, dt_derivative,
         )  # fmt: skip
 
-    def differentiated(self, parameters: Sequence[str] = ()) -> AdvanceSensitivity:
-        """Return the last advance with its derivatives at all nodes, in columns of inputs and of these parameters.
+    def differentiated(self, parameters: Sequence[str] = ()) -> CommunicationStepSensitivity:
+        """Return the last communication step with derivatives at all nodes, in columns of inputs and these parameters.
 
         Raises:
             InputError: see `tangent`.
@@ -160,19 +164,19 @@ class DifferentiableAdvance:
         last, run = self._last, self._run
         require(parameters, Iterable, "parameters are given by dotted names")
         if last is None:
-            raise InputError("no advance to differentiate: the simulator has not advanced since its start or restore")
+            raise InputError("nothing to differentiate: the simulator has not advanced since its start or restore")
         if self.status == "event":
-            raise InputError("the last advance ended in an event, whose time varies: it has no derivative at fixed dt")
+            raise InputError("the last step ended in an event, whose time varies: it has no derivative at fixed dt")
         if self._bound is None or self._bound.names != tuple(parameters):
             m = self.mechanism
             mode = self._run.system.mode  # type: ignore[attr-defined]
             q, v, s, _ = np.split(run.ys[last.node], np.cumsum([m.nq, m.nv, len(m.states)]))
-            self._bound = AdvanceParameters(self.inputs, parameters, (last.t, q, v, s), mode)
+            self._bound = CommunicationStepParameters(self.inputs, parameters, (last.t, q, v, s), mode)
             self._differentiated = None
         step = self._bound.communication_step
         step.start, step.size = last.t, last.dt
         if self._differentiated is None:
-            self._differentiated = AdvanceSensitivity(run, last, self._bound)
+            self._differentiated = CommunicationStepSensitivity(run, last, self._bound)
         return self._differentiated
 
 
