@@ -44,8 +44,8 @@ def ensemble(
     results are bitwise those of `mbdae.solve`, whatever the number of threads. `mbdae.solve` then computes the
     remaining runs: on several threads those of mechanisms with modes, flexible or rolling bodies, of other formulations
     than ``"index2"``, close to singular configurations, with more than 2000 steps (which are checked for stiffness) or
-    with accuracy warnings; and one after another those that call functions of Python. `Ensemble.in_python` counts them by
-    reason. After Ctrl-C, the finished runs are returned; unfinished runs have the status ``"interrupted"``.
+    with accuracy warnings; and one after another those that call functions of Python. `Ensemble.in_python` counts them
+    by reason. After Ctrl-C, the finished runs are returned; unfinished runs have the status ``"interrupted"``.
 
     Args:
         model: a mechanism, an argument of `mbdae.load`, or a function of the parameters that returns a Mechanism.
