@@ -39,7 +39,7 @@ class RootLocus(Tabular):
         model: title or name of the model.
         name: name of the parameter.
         values: values of the parameter, (n,).
-        eigenvalues: tracked over the values, (n, m); nan where they could not be computed.
+        eigenvalues: eigenvalues tracked over the values, (n, m); nan where they could not be computed.
         messages: reasons for missing eigenvalues, by index of the value.
         changes: values at which the number of growing modes changes.
         unit: unit of the parameter; "" if unknown.
