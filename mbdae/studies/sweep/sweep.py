@@ -100,7 +100,7 @@ def sweep(
 
     Raises:
         UnknownNameError: for a model, parameter, signal or setting that does not exist.
-        InputError: for wrong arguments, a model that cannot be made with any of the values, or the file of another
+        InputError: for wrong arguments, a model that cannot be constructed with any of the values, or the file of another
             sweep.
         MbdaeError: if a worker fails; finished runs are stored.
     """
@@ -123,7 +123,7 @@ def sweep(
 def _run(
     job: Job, plan: list[Runs], executor: str | Executor | None, workers: int | None, collector: ResultCollector
 ) -> None:
-    """Make runs in batches until Ctrl-C."""
+    """Execute runs in batches until Ctrl-C."""
     if not any(map(len, plan)):
         return
     with suppress(KeyboardInterrupt), pool(executor, workers, run_batch, job, "executor='threads'") as workers_pool:
