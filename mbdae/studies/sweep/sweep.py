@@ -100,8 +100,8 @@ def sweep(
 
     Raises:
         UnknownNameError: for a model, parameter, signal or setting that does not exist.
-        InputError: for wrong arguments, a model that cannot be constructed with any of the values, or the file of another
-            sweep.
+        InputError: for wrong arguments, a model that cannot be constructed with any of the values, or the file of
+            another sweep.
         MbdaeError: if a worker fails; finished runs are stored.
     """
     if path is not None and not isinstance(path, str | Path):

@@ -86,7 +86,8 @@ def _rank(signals: CurveSignals) -> tuple[Array, Array, list[Array]]:
     scales = system.mechanism.row_scales
     condition, nulls = np.full(len(found.u), np.inf), []
     for i, q in enumerate(found.q):
-        left, singular_values, _ = np.linalg.svd(system.jacobian(q) * found.mechanism.coordinate_scales / scales[:, None])
+        G = system.jacobian(q) * found.mechanism.coordinate_scales / scales[:, None]
+        left, singular_values, _ = np.linalg.svd(G)
         if singular_values[-1] > RANK * singular_values[0] and len(singular_values) == system.nv:
             condition[i] = singular_values[0] / singular_values[-1]
         nulls.append(left[:, np.count_nonzero(singular_values > RANK * singular_values[0]) :])

@@ -46,10 +46,11 @@ def tolerance(
     The rows g(q, p, u) = 0 are those of closures, locked joints and the drive: lam are the reactions to a unit load
     along the signal o with the drive locked, so one transposed solve gives the influence of every parameter and
     clearance. A clearance c displaces a joint by a vector of length c in any direction that it locks. The statistical
-    value is the root of the sum of squares of the same terms. The variance is sum (do/dp_i sigma_i)^2 + sum c_k^2 |lam_k|^2/r_k
-    for normal deviations, sigma_i = t_i/sigmas, and contact in a uniformly distributed direction in r_k dimensions; to
-    second order the variance has the further terms 1/2 sum (H_ij sigma_i sigma_j)^2, and the mean shifts by
-    1/2 sum H_ii sigma_i^2. Loops may be spatial, and closures redundant.
+    value is the root of the sum of squares of the same terms. The variance is
+    sum (do/dp_i sigma_i)^2 + sum c_k^2 |lam_k|^2/r_k for normal deviations, sigma_i = t_i/sigmas, and contact in a
+    uniformly distributed direction in r_k dimensions; to second order the variance has the further terms
+    1/2 sum (H_ij sigma_i sigma_j)^2, and the mean shifts by 1/2 sum H_ii sigma_i^2. Loops may be spatial, and closures
+    redundant.
     Source: Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems (1989).
 
     Args:
