@@ -54,7 +54,7 @@ def ensemble(
         parameters: name = values, (n,) each; names as for `mbdae.sweep`. The model's start depends on them.
         t_span: end, or start and end in s; from 0 to the model's duration when left out.
         signals: names of signals whose values at the end are returned, see `mbdae.Solution.signals`, of the first
-            mechanism that can be made.
+            mechanism that can be constructed.
         workers: threads; one per processor when left out.
         progress: called with the completed fraction and a message.
         settings: arguments of `mbdae.solve`: method, rtol, atol, step, project, ...
@@ -134,11 +134,11 @@ def _source(model: object, values: dict[str, Array]) -> Mechanism | ParametricFa
 
 
 def _first_mechanism(factory: ParametricFactory, values: dict[str, Array]) -> Mechanism:
-    """Return the first mechanism that can be made.
+    """Return the first mechanism that can be constructed.
 
     Raises:
         UnknownNameError: for an unknown parameter.
-        InputError: if none can be made; names the reason for the last one.
+        InputError: if none can be constructed; names the reason for the last one.
     """
     reason = "there are no values"
     for row in zip(*values.values(), strict=False):
@@ -150,7 +150,7 @@ def _first_mechanism(factory: ParametricFactory, values: dict[str, Array]) -> Me
             raise
         except MbdaeError as e:
             reason = str(e)
-    raise InputError(f"no mechanism can be made of these values: {reason}")
+    raise InputError(f"no mechanism can be constructed from these values: {reason}")
 
 
 def _start_values(name: str, given: object, width: int, title: str) -> Array:

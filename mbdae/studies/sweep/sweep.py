@@ -187,7 +187,7 @@ def _times(times: Any) -> int | tuple[float, ...] | None:
 
 
 def _checked(job: Job, plan: Sequence[Runs]) -> Mechanism:
-    """Reject unknown names; return the mechanism of the first run that can be made.
+    """Reject unknown names; return the mechanism of the first run for which one can be constructed.
 
     Raises:
         UnknownNameError, InputError: as `sweep`.
@@ -202,7 +202,7 @@ def _checked(job: Job, plan: Sequence[Runs]) -> Mechanism:
 
 
 def _first_mechanism(factory: ParametricFactory, plan: Sequence[Runs]) -> Mechanism:
-    """Check the names of all parameters; return the first mechanism that can be made."""
+    """Check the names of all parameters; return the first mechanism that can be constructed."""
     checked = set[tuple[str, ...]]()
     mech, problem = None, ""
     sample = [*chain.from_iterable(runs.subset(_sample(len(runs))).tasks() for runs in plan)]
@@ -219,7 +219,8 @@ def _first_mechanism(factory: ParametricFactory, plan: Sequence[Runs]) -> Mechan
         except Exception as e:
             problem = str(e) if isinstance(e, MbdaeError) else f"{type(e).__name__}: {e}"
     if mech is None:
-        raise InputError(f"no mechanism can be made of these values ({len(sample)} runs were tried): {problem}")
+        tried = f"({len(sample)} runs were tried)"
+        raise InputError(f"no mechanism can be constructed from these values {tried}: {problem}")
     return mech
 
 
