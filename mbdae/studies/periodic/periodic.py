@@ -158,7 +158,7 @@ def require_second_period(found: ShootingEquations) -> None:
     """Require that a motion whose joints were exchanged at the end of a period returns to its start after the next one.
 
     Raises:
-        InputError: if the exchange is no symmetry of the mechanism.
+        InputError: if the exchange is not a symmetry of the mechanism.
     """
     P, mech = found.cycle.exchange, found.flow.mechanism
     if not P:
@@ -169,4 +169,4 @@ def require_second_period(found: ShootingEquations) -> None:
     q0, q1, q2 = found.guess.nodes[0][: mech.nq], middle.q[-1], second.q[-1]
     steps = [mech.manifold.difference(P.apply(b), a) / mech.coordinate_scales for a, b in ((q0, q1), (q1, q2))]
     if np.abs(steps[1] - steps[0]).max() > VISIBLE:
-        raise InputError("the exchange of joints is no symmetry: the motion does not continue with exchanged joints")
+        raise InputError("the exchange of joints is not a symmetry: the motion does not continue with exchanged joints")
