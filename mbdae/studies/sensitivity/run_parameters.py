@@ -173,7 +173,7 @@ def scaled(given: Any, default: Mapping[str, float]) -> Array:
 
     Raises:
         UnknownNameError: for an unknown parameter.
-        InputError: for a size that is not a positive number.
+        InputError: for a scale that is not a positive number.
     """
     require(given if given is not None else {}, Mapping, "scales are a table, name = size")
     for name, x in (given or {}).items():

@@ -73,8 +73,8 @@ def tolerance(
 
     Raises:
         UnknownNameError: for an invalid name.
-        InputError: for a tolerance that is not a positive number, parameters that would violate redundant closures, or
-            a curve as of `mbdae.kinematics`.
+        InputError: for a tolerance that is not a positive number, parameters that would violate redundant closures, and
+            as `mbdae.kinematics`.
         AssemblyError, StepError: as `mbdae.kinematics`.
 
     Example:

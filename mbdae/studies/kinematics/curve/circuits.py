@@ -66,7 +66,7 @@ def circuit(system: "Index2System", angular: Array, period: float, q: Array, u: 
 
 
 def _is_unbounded(forward: PoseCurve, backward: PoseCurve) -> bool:
-    """Return whether a prismatic input, as of a rack, increases in one direction and decreases in the other."""
+    """Return whether a prismatic input, as that of a rack, increases in one direction and decreases in the other."""
     ends = [c.nodes[-1].u - c.nodes[0].u for c in (forward, backward) if c.ended in ("range", "limit")]
     return not forward.period and len(ends) == 2 and ends[0] * ends[1] < 0
 
