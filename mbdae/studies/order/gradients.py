@@ -145,7 +145,7 @@ def _derivative_units(mech: Mechanism, parameter: str | None, model: object) -> 
 class GradientMeasurement(Measurement):
     """Runs with fixed steps and their derivatives with respect to one parameter."""
 
-    largest = 24_000  # largest number of solves of a run with tangent
+    max_solves = 24_000  # largest number of solves of a run with tangent
 
     def __init__(
         self,

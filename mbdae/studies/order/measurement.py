@@ -37,12 +37,12 @@ class Measurement:
     """Runs with fixed steps, errors at common times, references.
 
     Attributes:
-        largest: largest number of solves in one run.
-        lower: whether to add coarser steps if orders cannot be estimated otherwise.
+        max_solves: largest number of solves in one run.
+        add_coarser_steps: whether to add coarser steps if orders cannot be estimated otherwise.
     """
 
-    largest = LARGEST_RUN
-    lower = False
+    max_solves = LARGEST_RUN
+    add_coarser_steps = False
 
     def __init__(
         self,
@@ -119,7 +119,7 @@ class Measurement:
         if (coarse := self._samples_at_rounding(method)) is not None:
             return coarse
         n, last, last_difference = 16 * self.steps, None, np.inf
-        while n * method.solves <= self.largest // 2:
+        while n * method.solves <= self.max_solves // 2:
             sol = self.run(method, n)
             if sol is not None:
                 current = self.sample(sol)
@@ -178,7 +178,7 @@ class Measurement:
         reference, uncertainty = self.reference(tableau.name)
         samples, stride = self._halve_steps(tableau, reference, uncertainty), 1
         orders = self._observed_orders(tableau, samples, reference, uncertainty)
-        while self.lower and self.steps % (2 * stride) == 0 and self.steps // (2 * stride) >= MIN_OUTPUTS:
+        while self.add_coarser_steps and self.steps % (2 * stride) == 0 and self.steps // (2 * stride) >= MIN_OUTPUTS:
             if all(above(s.errors, s.floors) > REFINEMENTS for s in orders):
                 break
             stride *= 2
@@ -200,7 +200,7 @@ class Measurement:
         """Halve the steps until rates agree or errors are below their floors; return samples by number of steps."""
         samples: dict[int, tuple[Array, ...]] = {}
         n = self.steps
-        while n * tableau.solves <= self.largest:
+        while n * tableau.solves <= self.max_solves:
             if n in (samples := self._add_runs(tableau, [n], 1, samples)):
                 orders = self._observed_orders(tableau, samples, reference, uncertainty)
                 if all(done(s.steps, s.errors, s.floors) for s in orders):
@@ -212,7 +212,7 @@ class Measurement:
         self, tableau: Method, ns: list[int], stride: int, samples: dict[int, tuple[Array, ...]]
     ) -> dict[int, tuple[Array, ...]]:
         """Return samples with those of further runs, coarse steps first; failed and too long runs add none."""
-        runs = {n: self.run(tableau, n) for n in ns if n * tableau.solves <= self.largest}
+        runs = {n: self.run(tableau, n) for n in ns if n * tableau.solves <= self.max_solves}
         new = {n: self.sample(sol, stride) for n, sol in runs.items() if sol is not None}
         return dict(sorted((samples | new).items()))
 
@@ -245,7 +245,7 @@ class Measurement:
                 [f[i] for f in floors],
                 u,
                 changes[i],
-                self.largest,
+                self.max_solves,
                 self.failures.get(tableau.name, ""),
             )
             for i, (q, u) in enumerate(zip(self.names[:number], uncertainty.tolist()[:number], strict=True))

@@ -30,7 +30,7 @@ def fit(
     floors: list[float],
     uncertainty: float,
     change: float,
-    largest: int,
+    max_solves: int,
     failure: str = "",
 ) -> ObservedOrder:
     """Fit a slope to errors over numbers of steps, coarse ones first, and compare it with the claim.
@@ -44,7 +44,7 @@ def fit(
         counted = f"only {end - 1} refinement{'s' * (end != 2)}" if end else "no error"
         if end == len(ns):
             none = f"no run was completed, {failure}" if failure else "no run was completed"
-            reason = f"{counted} within {largest} solves" if end else none
+            reason = f"{counted} within {max_solves} solves" if end else none
         elif 2 * ABOVE * uncertainty > floors[end]:
             reason = f"{counted} above {ABOVE:g} times the uncertainty of the reference, {uncertainty:.1e}"
         else:
