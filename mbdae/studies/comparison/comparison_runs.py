@@ -117,7 +117,7 @@ class ComparisonRuns:
         if stored.meta.get("key") != self.key():
             difference = "another mechanism, span, reference or version of mbdae"
             raise InputError(f"{path} has a comparison of {difference}: give another file, or remove this one")
-        same_machine = stored.meta.get("machine") == self.meta["machine"]  # wall times of machines are not comparable
+        same_machine = stored.meta.get("machine") == self.meta["machine"]  # times of two machines are not comparable
         self.points = {p.label: p if same_machine else replace(p, times=()) for p in stored.points}
         self.reference, self.cross_check, self.uncertainty = stored.reference, stored.cross_check, stored.uncertainty
 

@@ -119,7 +119,7 @@ class EnsembleJob:
         yield mech, RunStarts(i, self.starts.points(mech, i, points))
 
     def _begin_at_starts_of_model(self, i: Array) -> Iterator[tuple[Mechanism, RunStarts]]:
-        """See `begin`: starts of the model depend on the parameters. Runs with separate mechanisms are left out."""
+        """See `begin`: starts of the model depend on parameters. Runs that need separate mechanisms are deferred."""
         remaining = np.ones(len(i), bool)
         for group in self.varied_starts.groups(self._columns(i), len(i)):
             which, y, parameters = group.begin()

@@ -235,7 +235,7 @@ class Problem:
         )  # fmt: skip
 
     def is_stationary(self, z: Array, low: Array, high: Array) -> bool:
-        """Return whether the cost has zero derivative within the bounds."""
+        """Return whether the gradient of the cost, projected onto the bounds, is zero."""
         step = np.clip(z - self.derivatives(z), low, high) - z
         return bool(np.abs(step).max(initial=0.0) < VISIBLE)
 

@@ -1,8 +1,8 @@
 """Search for an equilibrium by a trust region in free motions, without a potential.
 
-y = (H + sigma Z^T Z)^-1 rho with the least sigma >= 0 for which that is positive definite and |Z y| stays within the
-radius; a step is taken when the trapezoidal work (f + f_new) . x / 2, x = q_new (-) q, exceeds a tenth of the
-work predicted by the partials. That serves controllers, constant torques and follower forces as well as springs.
+y = (H + sigma Z^T Z)^-1 rho with the least sigma >= 0 for which the matrix is positive definite and |Z y| stays within
+the radius; a step is taken when the trapezoidal work (f + f_new) . x / 2, x = q_new (-) q, exceeds a tenth of the work
+predicted by the partials. That serves controllers, constant torques and follower forces as well as springs.
 Source: Conn, Gould, Toint, Trust-Region Methods (2000), chapter 7, for the step.
 """
 

@@ -106,7 +106,7 @@ def sweep(
     """
     if path is not None and not isinstance(path, str | Path):
         raise InputError(f"path is the name of a file, got {path!r:.60}")
-    check_backend = checked_backend if isinstance(executor, Executor) else select_core  # it may use other machines
+    check_backend = checked_backend if isinstance(executor, Executor) else select_core  # which may use other machines
     check_backend(settings.get("backend", "auto"))
     plan = planned_runs(parameters, seed)
     job = _job(model, t_span, times, outputs, settings)
