@@ -28,7 +28,7 @@ def thesis_commands():
 
 @pytest.mark.parametrize("command", [c for c in thesis_commands() if c.startswith("mbdae ")])
 def test_commands_of_the_thesis(command, monkeypatch):
-    monkeypatch.setattr(Measurement, "largest", 4000)  # solves of a run, which suffice
+    monkeypatch.setattr(Measurement, "max_solves", 4000)  # solves of a run, which suffice
     code, out, err = call(*command.split()[1:])
     assert code == 0, out + err
     assert len(out.splitlines()) > 3

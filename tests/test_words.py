@@ -36,7 +36,7 @@ PROSE = re.compile(
 )
 PROSE_OF_PYTHON = re.compile(PROSE.pattern + r"|(?:^|[.:;] )[Ww]hat (?!if\b)\w+")
 STAYING = {  # names that stay, by folder or file
-    "order": ("fit_slope", "slopes", "_slopes"),  # of a line fitted to errors over step sizes
+    "order": ("fit_slope",),  # of a line fitted to errors over step sizes
     "kinematics": ("rising",),  # attribute and JSON key of assembly modes
 }
 FITTED = ("order", "benchmarks", "report")  # folders whose slopes are those of fitted lines

@@ -15,7 +15,7 @@ Model = ModelSource | Mechanism | Callable[..., Mechanism]
 
 
 class MechanismFactory(Protocol):
-    """Factory of mechanisms for values of their parameters."""
+    """Factory of mechanisms, from values of their parameters."""
 
     def make(self, values: Mapping[str, object]) -> Mechanism:
         """Return the mechanism with these values."""

@@ -49,7 +49,7 @@ class RunGroup(NamedTuple):
     Attributes:
         mech: a mechanism with the parameters of the runs, but perhaps with other start values.
         begin: returns the runs that can begin with this mechanism. Each remaining run forms its own group, unless
-            its mechanism cannot be made.
+            its mechanism cannot be constructed.
     """
 
     mech: Mechanism
@@ -109,7 +109,7 @@ class VariedStarts:
         return tuple(found) if len(found) < 2 or in_place_parameters(factory, found, values) else ()
 
     def groups(self, columns: Columns, n: int) -> Iterator[RunGroup]:
-        """Yield runs that share a mechanism, without those whose mechanism cannot be made.
+        """Yield runs that share a mechanism, without those whose mechanism cannot be constructed.
 
         Args:
             columns: values of the parameters of n runs.
@@ -167,7 +167,7 @@ class VariedStarts:
         """Return the mechanism that runs share, with its initial points and parameters in place.
 
         Raises:
-            MbdaeError: if the mechanism cannot be made, or parameters of the first run cannot be written in place.
+            MbdaeError: if the mechanism cannot be constructed, or parameters of the first run not be written in place.
         """
         if shared := self.shared.get(key):
             return shared

@@ -141,7 +141,7 @@ def pool(
         executor: ``"threads"``, ``"processes"``, or an executor; None for threads with the compiled core, which
             releases the GIL, and processes without it.
         workers: number of workers; when left out one per processor, or the number that a user's executor reports.
-        function: makes a run, ``function(job, task, stop)``; stops when ``stop()`` is true.
+        function: executes a run, ``function(job, task, stop)``; stops when ``stop()`` is true.
         job: data shared by all runs; sent to each process once.
         alternative: arguments that avoid processes, for the error message.
 

@@ -194,7 +194,7 @@ def test_order_says_what_does_not_converge():
 
 
 def test_a_claim_that_fails_is_refuted(monkeypatch):
-    monkeypatch.setattr(Measurement, "largest", 4000)
+    monkeypatch.setattr(Measurement, "max_solves", 4000)
     bold = replace(METHODS["gauss2"], name="bold", order_own=1)
     study = mbdae.order(hessenberg_a(), [bold])
     assert study.refuted

@@ -9,7 +9,7 @@ from mbdae.errors import InputError
 from mbdae.mechanism.formats.in_place_parameters import in_place_parameters
 from mbdae.mechanism.formats.mechanism_file.loaded_model import parameter_value
 from mbdae.mechanism.formulations.index2 import Index2System
-from mbdae.studies.export.core_file import core_data, numbers_of
+from mbdae.studies.export.core_file import core_data, values_by_path
 from mbdae.studies.factories import factory_of
 from mbdae.studies.run_columns import row
 from mbdae.studies.varied_starts import FEWEST, VariedStarts
@@ -137,7 +137,7 @@ def test_all_data_of_the_core_are_those_of_new_mechanisms(model, names):
 
 
 def data_of_core(mech):
-    data = numbers_of(core_data(mech.system(native=backend.load())))
+    data = values_by_path(core_data(mech.system(native=backend.load())))
     return {path: x for path, x in data.items() if path[0] != "expanded"}
 
 

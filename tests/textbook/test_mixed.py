@@ -15,7 +15,7 @@ from mbdae.textbook.problems import mixed_index
 
 @pytest.mark.parametrize(("method", "orders"), [("herk3", (3, 2)), ("pherk4", (4, 4)), ("radau3", (3, 2))])
 def test_the_orders_are_those_of_index_2(method, orders, monkeypatch):
-    monkeypatch.setattr(Measurement, "largest", 2000)
+    monkeypatch.setattr(Measurement, "max_solves", 2000)
     (observed,) = mbdae.order(mixed_index(), [method], steps=20).orders.values()
     for o in observed:
         claim = orders[o.quantity == "own z"]

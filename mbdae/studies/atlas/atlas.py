@@ -25,7 +25,7 @@ __all__ = ["atlas"]
 
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 REFINEMENTS = (1, 4, 16, 64)
-MOTIONS = 0.1  # fraction of the progress once the references are computed
+REFERENCES_DONE = 0.1  # fraction of the progress once the references are computed
 Progress = Callable[[float, str], None]
 
 
@@ -44,7 +44,7 @@ def atlas(
 ) -> Atlas:
     """Run all methods on many models, from their starts over their durations, and measure errors, work and drift.
 
-    Errors are those of `mbdae.compare`, at 20 common times, relative to a run by a method of another family. Methods
+    Errors are those of `mbdae.compare`, at 20 common times, relative to a reference run with tight tolerance. Methods
     run with tolerances, or with fixed steps if they have no step-size control. Conservative models also run over ten
     durations with fixed steps, half as long as the coarsest ones, for the trend of their energy. Times are CPU times.
 
@@ -54,9 +54,9 @@ def atlas(
     Args:
         models: names, or paths of mechanism files. All that come with mbdae when left out.
         methods: names, also with a formulation, ``"ggl:radau5"``. All when left out, or ``"all"``.
-        rtol: relative tolerances, 1e-3 to 1e-8 when left out. Tighter ones follow until an error is below that of the
-            reference, or a run takes more than 20000 linear solves.
-        refinements: numbers of fixed steps, over those of ``radau5`` at rtol 1e-3; 1, 4, 16, 64 when left out.
+        rtol: relative tolerances, 1e-3 to 1e-8 when left out. The tighter ones are omitted after an error that is
+            below five times the uncertainty of the reference, or a run of more than 20000 linear solves.
+        refinements: numbers of fixed steps as multiples of that of ``radau5`` at rtol 1e-3; 1, 4, 16, 64 when left out.
         data: file of the results, .jsonl. The same command resumes from it.
         executor: ``"processes"``, ``"threads"`` or any executor of concurrent.futures; scripts with processes need
             ``if __name__ == "__main__":``.
@@ -92,8 +92,8 @@ def atlas(
         raise InputError(f"data is the name of a file, got {data!r:.60}")
     tasks = _AtlasTasks(AtlasData(Path(data) if data else None, about, fresh), names, settings, progress)
     with suppress(KeyboardInterrupt), pool(executor, workers, compute, settings, "executor='threads'") as workers_pool:
-        workers_pool.run(tasks.motions(), tasks.add)
-        workers_pool.run(tasks.pending(), tasks.add)
+        workers_pool.run(tasks.motion_tasks(), tasks.add)
+        workers_pool.run(tasks.pending_tasks(), tasks.add)
     return tasks.result({**about, "command": command_line(), "date": datetime.now(UTC).date().isoformat()})
 
 
@@ -112,34 +112,34 @@ class _AtlasTasks:
         self.progress: Progress = progress or (lambda done, text: None)
         self.seen: set[str] = set()  # models whose motion is known to be current
 
-    def motions(self) -> list[MotionTask]:
+    def motion_tasks(self) -> list[MotionTask]:
         """Return the tasks of all motions: models of stored motions may have changed, too."""
         return [MotionTask(name, self.data.motions.get(name)) for name in self.names]
 
-    def methods(self) -> list[tuple[str, str]]:
+    def model_methods(self) -> list[tuple[str, str]]:
         """Return the models and methods of all runs."""
         motions = [self.data.motions[name] for name in self.names if name in self.data.motions]
         return [(m.model, method) for m in motions for method in m.methods]
 
-    def pending(self) -> list[MethodTask]:
+    def pending_tasks(self) -> list[MethodTask]:
         """Return the tasks of methods without results."""
-        motions, runs = self.data.motions, self.data.runs
-        return [MethodTask(motions[model], method) for model, method in self.methods() if (model, method) not in runs]
+        motions, runs, pairs = self.data.motions, self.data.runs, self.model_methods()
+        return [MethodTask(motions[model], method) for model, method in pairs if (model, method) not in runs]
 
     def add(self, task: Any, result: ModelMotion | MethodRuns) -> None:
         """Store a result, and report the progress."""
         self.data.add(result)
         if isinstance(task, MotionTask):
             self.seen.add(task.model)
-            self.progress(MOTIONS * len(self.seen) / len(self.names), str(task))
+            self.progress(REFERENCES_DONE * len(self.seen) / len(self.names), str(task))
         else:
-            pairs = self.methods()
+            pairs = self.model_methods()
             done = sum(pair in self.data.runs for pair in pairs)
-            self.progress(MOTIONS + (1 - MOTIONS) * done / len(pairs), str(task))
+            self.progress(REFERENCES_DONE + (1 - REFERENCES_DONE) * done / len(pairs), str(task))
 
     def result(self, meta: dict[str, Any]) -> Atlas:
         """Return the finished results."""
         motions = tuple(self.data.motions[name] for name in self.names if name in self.data.motions)
-        runs = tuple(self.data.runs[key] for key in self.methods() if key in self.data.runs)
-        complete = len(self.seen) == len(self.names) and len(runs) == len(self.methods())
-        return Atlas(motions, runs, complete, len(self.names), len(self.methods()), meta)
+        runs = tuple(self.data.runs[key] for key in self.model_methods() if key in self.data.runs)
+        complete = len(self.seen) == len(self.names) and len(runs) == len(self.model_methods())
+        return Atlas(motions, runs, complete, len(self.names), len(self.model_methods()), meta)

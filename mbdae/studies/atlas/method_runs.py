@@ -114,7 +114,8 @@ class MethodTask:
     def run(self, settings: Settings, stop: Stop | None) -> MethodRuns:
         """Run the method at each setting, then repeat the runs to measure their times.
 
-        Finer runs are omitted after a run whose error is below that of the reference, or with many linear solves.
+        Finer runs are omitted after a run with many linear solves, or with an error below five times the uncertainty
+        of the reference.
         """
         variant, motion = Variant.parse(self.method), common_motion(mechanism(self.motion.model), settings.backend)
         fixed = [Trial(variant, None, k * self.motion.steps) for k in settings.refinements]

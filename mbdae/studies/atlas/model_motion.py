@@ -1,4 +1,4 @@
-"""The motion of a model in an atlas: its reference, its numbers of fixed steps, and the methods that suit it."""
+"""The motion of a model in an atlas: its reference, its number of fixed steps, and the methods that suit it."""
 
 import atexit
 import hashlib
@@ -38,7 +38,7 @@ class Settings:
     Attributes:
         methods: names of variants; empty for all.
         rtol: relative tolerances, the loosest first.
-        refinements: numbers of fixed steps over the coarsest one of a model.
+        refinements: numbers of fixed steps as multiples of the coarsest one of a model.
         backend: back end of all runs, ``"native"`` or ``"python"``.
     """
 
@@ -56,9 +56,9 @@ class ModelMotion:
         model: name or path.
         key: hash of the mechanism.
         title: title of the mechanism.
-        duration: of the motion in s.
+        duration: duration of the motion in s.
         steps: the coarsest number of fixed steps, a multiple of the number of common times.
-        conservative: whether all forces derive from potentials, and no modes switch.
+        conservative: whether all forces derive from potentials, and no discrete mode switches.
         reference: the reference run, in words.
         cross_check: the run that checks it, in words.
         uncertainty: largest difference between these two, by quantity.

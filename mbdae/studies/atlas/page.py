@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 SECTIONS = {
     "wins": "Which method wins",
-    "chart": "Error over work",
+    "chart": "Error versus work",
     "runs": "Runs",
     "long": "Energy",
     "failed": "Failures",

@@ -34,7 +34,7 @@ class BestMethod(NamedTuple):
         target: the error in rad or m.
         fewest: methods with the fewest linear solves, to 1 %.
         solves: number of these solves; an upper bound if ``bound``.
-        bound: even the coarsest run is more accurate.
+        bound: whether even the coarsest run is more accurate.
         fastest: methods with the least CPU time, to the noise.
         seconds: the least CPU time in s.
     """
@@ -172,7 +172,7 @@ class Atlas(Tabular):
     def to_dict(self) -> JsonObject:
         """Return JSON data: for each model the work to errors of q, rates of the energy, and failures.
 
-        Works are in the order of the methods, negative for upper bounds; the data file has all runs.
+        Amounts of work are in the order of the methods, negative for upper bounds; the data file has all runs.
         """
         models = {m.model: self._model_data(m) for m in self.motions}
         return {"meta": self.meta, "complete": self.complete, "noise": round(self.noise, 3), "models": models}

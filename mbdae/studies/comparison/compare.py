@@ -1,4 +1,4 @@
-"""Comparison of methods and tolerances on one problem: errors against a reference, work, and time."""
+"""Comparison of methods and tolerances on one problem: errors relative to a reference, work, and time."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -51,7 +51,7 @@ def compare(
 ) -> Comparison:
     """Run many methods on one mechanism or textbook problem and measure errors, drift, work and time.
 
-    Errors are the largest differences to a reference over common times, of q in the tangent, v, and lam from the hidden
+    Errors are the largest differences from a reference over common times, of q in the tangent, v, and lam by the hidden
     constraint; of y and z of a textbook problem. The reference is the exact solution if known, else a run with tight
     tolerance; a second run by a method of another family estimates its uncertainty.
 
@@ -73,7 +73,7 @@ def compare(
         rtol: relative tolerances, 1e-4,1e-6; 1e-3 to 1e-10 when left out. atol is 0.01 rtol.
         steps: numbers of fixed steps, instead of tolerances; with tolerances only for methods without step-size
             control.
-        reference: two methods of different families; errors are differences to the first.
+        reference: two methods of different families; errors are differences from the first.
         reference_rtol: their tolerance; if they cannot satisfy it, the next power of ten that they can.
         outputs: number of common times, equidistant, including the end.
         repeats: number of repetitions for the median wall time. Repetitions cycle through all runs; runs longer than
@@ -108,15 +108,15 @@ def compare(
         raise InputError(f"a reference is two methods and a tolerance below 1e-5, got {reference!r}, {reference_rtol}")
     if workers < 1 or repeats < 0:
         raise InputError(f"workers must be at least 1 and repeats not negative, got {workers}, {repeats}")
-    clock = repeats > 0 and (timed_together or workers == 1)
-    passes = max(1, repeats + (not clock))
+    timed = repeats > 0 and (timed_together or workers == 1)
+    passes = max(1, repeats + (not timed))
     file = Path(path) if path else None
     comparison_runs = ComparisonRuns(motion, trials, pair, reference_rtol, file, progress, passes, fresh)
     comparison_runs.meta["omitted"] = omitted
     complete = False
     try:
         comparison_runs.compute_reference()
-        comparison_runs.measure_errors(workers, clock=clock)
+        comparison_runs.measure_errors(workers, timed=timed)
         comparison_runs.measure_times(repeats, workers if timed_together else 1)
         complete = True
     except KeyboardInterrupt:

@@ -32,7 +32,7 @@ class TrialConditions(NamedTuple):
 
     motion: ReferenceMotion
     reference: Samples | None = None
-    clock: bool = False
+    timed: bool = False
 
 
 def run_and_compare(conditions: TrialConditions, trial: Trial, stop: Stop | None = None) -> RunResult:
@@ -40,7 +40,7 @@ def run_and_compare(conditions: TrialConditions, trial: Trial, stop: Stop | None
     assert conditions.reference is not None
     sol = conditions.motion.solve(trial, stop)
     point = conditions.motion.measure(trial, sol, conditions.reference)
-    return replace(point, times=(sol.stats["seconds"],)) if conditions.clock and point.success else point
+    return replace(point, times=(sol.stats["seconds"],)) if conditions.timed and point.success else point
 
 
 def time_run(conditions: TrialConditions, trial: Trial, stop: Stop | None = None) -> float:
@@ -117,7 +117,7 @@ class ComparisonRuns:
         if stored.meta.get("key") != self.key():
             difference = "another mechanism, span, reference or version of mbdae"
             raise InputError(f"{path} has a comparison of {difference}: give another file, or remove this one")
-        same_machine = stored.meta.get("machine") == self.meta["machine"]  # wall times of machines are not compared
+        same_machine = stored.meta.get("machine") == self.meta["machine"]  # times of two machines are not comparable
         self.points = {p.label: p if same_machine else replace(p, times=()) for p in stored.points}
         self.reference, self.cross_check, self.uncertainty = stored.reference, stored.cross_check, stored.uncertainty
 
@@ -132,11 +132,11 @@ class ComparisonRuns:
             names, self.samples, self.uncertainty = self.motion.reference(self.pair, self.rtol)
             self.reference, self.cross_check = names
 
-    def measure_errors(self, workers: int, *, clock: bool) -> None:
+    def measure_errors(self, workers: int, *, timed: bool) -> None:
         """Run the pending trials, in this process or in others."""
         pending = self.pending()
         if self.samples is not None and pending:
-            conditions = TrialConditions(self.motion, self.samples, clock)
+            conditions = TrialConditions(self.motion, self.samples, timed)
             self._run_all(run_and_compare, conditions, pending, workers, lambda trial, point: self._store(point))
 
     def measure_times(self, repeats: int, workers: int) -> None:

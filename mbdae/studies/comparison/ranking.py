@@ -14,7 +14,7 @@ class RankingEntry:
     """A method in a ranking.
 
     Attributes:
-        method: its name.
+        method: name of the method.
         work: required work; None if the method does not reach the target.
         bound: True if even its coarsest run is more accurate than the target: an upper bound of the work.
     """

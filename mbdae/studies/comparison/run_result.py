@@ -21,7 +21,7 @@ class RunResult:
         rtol: relative tolerance; None for a fixed step.
         n: number of fixed steps; None under step-size control.
         status: one of `mbdae.errors.STATUS`.
-        errors: by quantity the largest difference to the reference over the common times: of ``"q"`` in the tangent
+        errors: by quantity the largest difference from the reference over the common times: of ``"q"`` in the tangent
             (rad, m), ``"v"`` (rad/s, m/s), and ``"lam"`` from the hidden constraint (N, N m); of ``"y"`` and ``"z"`` of
             a textbook problem. Empty for an incomplete run.
         ends: the same differences at the end time.

@@ -204,7 +204,7 @@ def drift(sol: Solution, *, long_time: bool = False) -> Drift:
     """Measure the drift of a solution at its times.
 
     Position level: g(t, q) over all rows, monitored and not enforced. Velocity level: G v + g_t. Energy: kinetic and
-    potential energy minus their start value and the integrated work, E(t) - E(0) - W(t). For a textbook problem g,
+    potential energy minus their start value and the integrated work, E(t) - E_0 - W(t). For a textbook problem g,
     which methods enforce, and the residual of the hidden constraint with the method's z, g_t + g_y f(t, y, z); it has
     no energy.
 

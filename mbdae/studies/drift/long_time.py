@@ -36,7 +36,7 @@ def _change(found: Momenta, i: int) -> float:
 
 
 def _conserved(found: Momenta, i: int, span: float) -> bool:
-    """Return whether a momentum has nonzero terms, and its rate is rounding: of its terms, or of size over span."""
+    """Return whether a momentum has nonzero terms, and a rate below rounding of its terms and of size over span."""
     kind = slice(3 * (i // 3), 3 * (i // 3) + 3) if i < len(WORLD) else slice(len(WORLD), None)
 
     def largest(x: Array) -> float:

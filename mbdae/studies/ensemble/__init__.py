@@ -1,1 +1,1 @@
-"""Ensembles: end states of many runs as arrays."""
+"""Ensembles: final states of many runs as arrays."""

@@ -65,8 +65,8 @@ class EnsembleJob:
         names: names of the signals.
         settings: arguments of `mbdae.solve`.
         results: the results.
-        calls_python: whether a run that is left to `mbdae.solve` calls functions of Python.
-        seconds: mean wall time of the completed runs of a batch; None before the first.
+        calls_python: whether a run that is deferred to `mbdae.solve` calls functions of Python.
+        seconds: mean wall time of the completed runs of the last batch in s; None before the first.
     """
 
     source: Mechanism | ParametricFactory
@@ -119,7 +119,7 @@ class EnsembleJob:
         yield mech, RunStarts(i, self.starts.points(mech, i, points))
 
     def _begin_at_starts_of_model(self, i: Array) -> Iterator[tuple[Mechanism, RunStarts]]:
-        """See `begin`: starts of the model depend on the parameters. Runs with separate mechanisms are left out."""
+        """See `begin`: starts of the model depend on parameters. Runs that need separate mechanisms are deferred."""
         remaining = np.ones(len(i), bool)
         for group in self.varied_starts.groups(self._columns(i), len(i)):
             which, y, parameters = group.begin()
@@ -129,7 +129,7 @@ class EnsembleJob:
             with self.results.recording_errors(runs):
                 mech = self._checked(group.mech)
                 yield mech, RunStarts(runs, self.starts.points(mech, runs, y), parameters)
-        self.results.leave(i[remaining], OTHER_MECHANISM)
+        self.results.defer(i[remaining], OTHER_MECHANISM)
 
     @cached_property
     def varied_starts(self) -> VariedStarts:
@@ -205,18 +205,18 @@ def _complete(job: EnsembleJob, run: RunState, begun: RunStarts, stop: StopFlag)
     i, y, parameters = begun
     reason = reason_not_in_core(run, job.names)
     if reason:
-        job.results.leave(i, reason)
+        job.results.defer(i, reason)
         job.calls_python |= calls_python(run)
         return 0
     if job.starts.q is not None or job.starts.v is not None:
         consistent = consistent_starts(run, y, parameters)
-        job.results.leave(i[~consistent], INCONSISTENT_START)
+        job.results.defer(i[~consistent], INCONSISTENT_START)
         i, y = i[consistent], y[consistent]
         parameters = parameters.of_runs(consistent)
     if not len(i):
         return 0
     runs = solve_in_core(run, y, stop.memory, parameters)
     i = i[: len(runs.finished)]
-    job.results.leave(i[~runs.finished], NEEDS_PYTHON)
+    job.results.defer(i[~runs.finished], NEEDS_PYTHON)
     job.results.store(i[runs.finished], run.options.t1, runs, signals_at_end(run, runs, job.names))
     return int(runs.finished.sum())

@@ -41,20 +41,20 @@ def ensemble(
         q' = v,   M(q; p_i) v' = f(t, q, v; p_i) + G^T lam,   0 = G v + g_t,   q(t0) = q_i,  v(t0) = v_i,  i = 1, ..., n
 
     Runs that need nothing from Python are computed in the compiled core, on several threads, from start to end: their
-    results are bitwise those of `mbdae.solve`, whatever the number of threads. `mbdae.solve` then makes the remaining
-    runs: on several threads those of mechanisms with modes, flexible or rolling bodies, of other formulations than
-    ``"index2"``, close to singular configurations, with more than 2000 steps (which are checked for stiffness) or with
-    accuracy warnings; and one after another those that call functions of Python. `Ensemble.in_python` counts them by
-    reason. After Ctrl-C, the finished runs are returned; unfinished runs have the status ``"interrupted"``.
+    results are bitwise those of `mbdae.solve`, whatever the number of threads. `mbdae.solve` then computes the
+    remaining runs: on several threads those of mechanisms with modes, flexible or rolling bodies, of other formulations
+    than ``"index2"``, close to singular configurations, with more than 2000 steps (which are checked for stiffness) or
+    with accuracy warnings; and one after another those that call functions of Python. `Ensemble.in_python` counts them
+    by reason. After Ctrl-C, the finished runs are returned; unfinished runs have the status ``"interrupted"``.
 
     Args:
         model: a mechanism, an argument of `mbdae.load`, or a function of the parameters that returns a Mechanism.
         q: consistent start configurations, (n, nq), or a common one, (nq,); the model's start when left out.
         v: consistent start velocities, (n, nv), or a common one, (nv,); the model's start when left out.
-        parameters: name = values, (n,) each; names as for `mbdae.sweep`. A start of the model depends on them.
+        parameters: name = values, (n,) each; names as for `mbdae.sweep`. The model's start depends on them.
         t_span: end, or start and end in s; from 0 to the model's duration when left out.
         signals: names of signals whose values at the end are returned, see `mbdae.Solution.signals`, of the first
-            mechanism that can be made.
+            mechanism that can be constructed.
         workers: threads; one per processor when left out.
         progress: called with the completed fraction and a message.
         settings: arguments of `mbdae.solve`: method, rtol, atol, step, project, ...
@@ -134,11 +134,11 @@ def _source(model: object, values: dict[str, Array]) -> Mechanism | ParametricFa
 
 
 def _first_mechanism(factory: ParametricFactory, values: dict[str, Array]) -> Mechanism:
-    """Return the first mechanism that can be made.
+    """Return the first mechanism that can be constructed.
 
     Raises:
         UnknownNameError: for an unknown parameter.
-        InputError: if none can be made; names the reason for the last one.
+        InputError: if none can be constructed; names the reason for the last one.
     """
     reason = "there are no values"
     for row in zip(*values.values(), strict=False):
@@ -150,7 +150,7 @@ def _first_mechanism(factory: ParametricFactory, values: dict[str, Array]) -> Me
             raise
         except MbdaeError as e:
             reason = str(e)
-    raise InputError(f"no mechanism can be made of these values: {reason}")
+    raise InputError(f"no mechanism can be constructed from these values: {reason}")
 
 
 def _start_values(name: str, given: object, width: int, title: str) -> Array:

@@ -1,4 +1,4 @@
-"""The end states of many runs."""
+"""The final states of many runs."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -33,7 +33,7 @@ class Ensemble(Tabular):
         parameters: values by name, (n,) each.
         signals: values at the end by name, (n,) each.
         units: units of the signals.
-        in_python: numbers of runs that were left to `mbdae.solve`, by reason.
+        in_python: numbers of runs that were deferred to `mbdae.solve`, by reason.
     """
 
     title: str

@@ -27,7 +27,7 @@ class RunResults:
         signals: values at the end, (n, k).
         status: status of each run.
         message: message of each run.
-        reasons: why each run is left to `mbdae.solve`; "" if it is not.
+        reasons: why each run is deferred to `mbdae.solve`; "" if it is not.
     """
 
     t: Array
@@ -63,8 +63,8 @@ class RunResults:
         except MbdaeError as e:
             self.fail(i, e)
 
-    def leave(self, i: Array, reason: str) -> None:
-        """Leave runs to `mbdae.solve`."""
+    def defer(self, i: Array, reason: str) -> None:
+        """Defer runs to `mbdae.solve`."""
         for k in i.tolist():
             self.reasons[k] = reason
 
@@ -77,6 +77,6 @@ class RunResults:
             self.status[k], self.message[k] = "finished", STATUS["finished"]
 
     def in_python(self) -> dict[str, int]:
-        """Return the numbers of runs that `mbdae.solve` made, by reason."""
+        """Return the numbers of runs that `mbdae.solve` computed, by reason."""
         pairs = zip(self.reasons, self.status, strict=True)
         return dict(Counter(reason for reason, status in pairs if reason and status != UNFINISHED))

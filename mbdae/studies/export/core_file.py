@@ -24,7 +24,7 @@ from ...mechanism.formulations.equation_partials import GAMMA_WIDTH
 from ...solution.signal_value import SignalValue
 from ...tolerances import CLOSED
 
-DERIVED = ("states", "transitions", "nodes", "row_changes", "after_jumps")  # attributes of structs that are no fields
+DERIVED = ("states", "transitions", "nodes", "row_changes", "after_jumps")  # attributes of structs that are not fields
 RESTART_MARGIN = 0.5  # fraction of the range of local coordinates beyond which a new chart is selected
 
 
@@ -118,7 +118,7 @@ def _leaves(data: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, 
         yield from _leaves(value, (*path, str(key)))
 
 
-def numbers_of(data: CoreData) -> dict[tuple[str, ...], Any]:
+def values_by_path(data: CoreData) -> dict[tuple[str, ...], Any]:
     """Return all values in the data by their paths."""
     return dict(_leaves(data))
 
@@ -190,7 +190,10 @@ def _modes(run: RunState, core_run: Any) -> CoreData:
 
 
 def count_indicators(data: CoreData) -> int:
-    """Return the number of event indicators: the most guards of each switch (`native/runtime/exported_modes.cpp`)."""
+    """Return the number of event indicators, the sum of the largest numbers of guards of all switches.
+
+    Source: `native/runtime/exported_modes.cpp`.
+    """
     return sum(2 if x["interface"] >= 0 or x["kind"] == "ratchet" else 1 for x in data["modes"]["switches"])
 
 

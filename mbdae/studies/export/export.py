@@ -94,7 +94,7 @@ def export(
 ) -> ExportedUnit:
     """Write a mechanism as a Functional Mock-up Unit (FMI 3.0) for other simulation programs.
 
-    Co-simulation takes the steps of `mbdae.Simulator`. Model exchange is the equation x' = F(t, x, u) of
+    Co-simulation takes the steps of `mbdae.Simulator`. Model exchange provides the equation x' = F(t, x, u) of
     `Mechanism.ode`, whose solutions satisfy the constraints to rounding; at the end of the range of its local
     coordinates, an event selects new ones. Impacts and changes of the mode are events; in a mode with fewer degrees of
     freedom, the surplus states remain zero. The file contains the compiled core and the data of the mechanism: it needs
@@ -109,7 +109,7 @@ def export(
             available in co-simulation only.
         parameters: dotted names of parameters, as in `mbdae.sensitivity`, on which the mechanism depends linearly; they
             are set before the initialization.
-        sources: Add the sources of the runtime, for other platforms: C++17 without further libraries.
+        sources: whether to add the sources of the runtime, for other platforms: C++17 without further libraries.
         **settings: settings of `mbdae.Simulator`: a half-explicit method, step, rtol, t, q, v and others.
 
     Raises:
@@ -129,28 +129,29 @@ def export(
     require_exportable(mech)
     simulator = Simulator(mech, record=False, backend="native", **settings)
     system: CompiledSystem = simulator._run.system  # type: ignore[assignment]
-    cells = simulator.inputs.user_inputs
-    chosen = _checked_names("input", cells if inputs is None else inputs, cells)
+    user_inputs = simulator.inputs.user_inputs
+    chosen = _checked_names("input", user_inputs if inputs is None else inputs, user_inputs)
     output_signals = _outputs(mech, outputs, kinds)
 
     def start_of(other: Mechanism) -> Array:
-        begin = Simulator(other, record=False, backend="native", **settings)
-        return np.concatenate([begin.mode, begin.q, begin.v, begin.s])
+        started = Simulator(other, record=False, backend="native", **settings)
+        return np.concatenate([started.mode, started.q, started.v, started.s])
 
     varied = _checked_names("parameter", parameters, None)
-    effects = parameter_partials(simulator.inputs, varied, system.native, start_of)
+    partials = parameter_partials(simulator.inputs, varied, system.native, start_of)
     states = _states(mech, kinds)
     data = core_data(native_system(simulator.mechanism, system.native)) | run_data(simulator, system)
     by_rate = simulator.inputs.rate_dependent
     data["inputs"] = [
-        {"value": x.setting.value, "linear": x.hold == "first", "by_rate": name in by_rate} for name, x in cells.items()
+        {"value": x.setting.value, "linear": x.hold == "first", "by_rate": name in by_rate}
+        for name, x in user_inputs.items()
     ]
     data["outputs"] = plain_json([output_data(mech, name, x) for name, x in output_signals.items()])
-    data["parameters"] = [x.core_data() for x in effects.values()]
+    data["parameters"] = [x.core_data() for x in partials.values()]
     dependent, indeterminate = _indeterminate_rows(simulator, system.mode)
     data |= {"states": states, "dependent": dependent, "indeterminate": sorted(indeterminate)}
     token = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
-    variables = _variables(mech, cells, chosen, effects, output_signals, states)
+    variables = _variables(mech, user_inputs, chosen, partials, output_signals, states)
     variables += event_indicators(1 + variables[-1].reference, count_indicators(data) if "me" in kinds else 0)
     _require_unique_names(variables)
     differentiable = all(x.kind in DIFFERENTIABLE and not indeterminate & {*x.rows} for x in output_signals.values())
@@ -168,7 +169,7 @@ def export(
         versions()["mbdae"],
     )
     _write(path, description, json.dumps({"token": token, **data}), runtime, picture(mech), code)
-    return ExportedUnit(path, kinds, tuple(chosen), tuple(output_signals), tuple(effects), states, path.stat().st_size)
+    return ExportedUnit(path, kinds, tuple(chosen), tuple(output_signals), tuple(partials), states, path.stat().st_size)
 
 
 def _checked_kinds(kind: Sequence[str]) -> tuple[str, ...]:
@@ -224,20 +225,20 @@ def _states(mech: Mechanism, kinds: Sequence[str]) -> int:
 
 def _variables(
     mech: Mechanism,
-    cells: Mapping[str, Any],
+    user_inputs: Mapping[str, Any],
     chosen: Sequence[str],
-    effects: Mapping[str, ParameterPartials],
+    partials: Mapping[str, ParameterPartials],
     output_signals: Mapping[str, SignalValue],
     states: int,
 ) -> list[Variable]:
     """Return all variables; value references follow the order of `mbdae/native/runtime/fmu_instance.hpp`."""
     known, out = units(mech), [Variable(0, "time", "independent", "s")]
-    for i, (name, cell) in enumerate(cells.items()):
+    for i, (name, user_input) in enumerate(user_inputs.items()):
         if name in chosen:
-            out.append(Variable(1 + i, name, "input", cell.unit, cell.setting.value))
-    first = 1 + len(cells)
-    out += [Variable(first + i, name, "parameter", "", x.value) for i, (name, x) in enumerate(effects.items())]
-    first += len(effects)
+            out.append(Variable(1 + i, name, "input", user_input.unit, user_input.setting.value))
+    first = 1 + len(user_inputs)
+    out += [Variable(first + i, name, "parameter", "", x.value) for i, (name, x) in enumerate(partials.items())]
+    first += len(partials)
     for i, (name, x) in enumerate(output_signals.items()):
         out.append(Variable(first + i, name, "output", known[name], depends_on_states_only=x.kind in STATE_SIGNALS))
     first += len(output_signals)

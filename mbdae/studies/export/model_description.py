@@ -20,8 +20,8 @@ class Variable(NamedTuple):
         causality: ``"independent"``, ``"input"``, ``"parameter"``, ``"output"`` or ``"local"``.
         unit: empty for none.
         start: start value of inputs, parameters and states; None for others.
-        derivative: for a state derivative: value reference of the state.
-        depends_on_states_only: for an output: whether it depends on states alone, not on inputs.
+        derivative: value reference of the state whose derivative the variable is; None for others.
+        depends_on_states_only: whether an output depends on states alone, not on inputs.
         is_indicator: whether it is an event indicator.
         description: description in one line.
     """

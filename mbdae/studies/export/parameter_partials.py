@@ -13,13 +13,13 @@ from ...mechanism.formats.mechanism_file.loaded_model import LoadedModel, parame
 from ...mechanism.inputs import Inputs
 from ...system import Array
 from ...tolerances import SAME_STATE, SOLUTION_ROUNDING
-from .core_file import core_data, native_system, numbers_of
+from .core_file import core_data, native_system, values_by_path
 
 STEPS = (0.25, 0.5)  # changes that verify linear dependence, as fractions of the parameter, or of 1 if it is 0
 CONSTANT = ("tolerances", "order", "probe")  # data that keep their values when parameters change
 
 Path = tuple[str, ...]
-Numbers = dict[Path, object]
+ValuesByPath = dict[Path, object]
 
 
 class ParameterPartials(NamedTuple):
@@ -59,9 +59,9 @@ def parameter_partials(
     template = LoadedModel(inputs.original)
     values = {name: parameter_value(template, name) for name in names}
 
-    def data(changed: Mapping[str, float]) -> Numbers:
+    def data(changed: Mapping[str, float]) -> ValuesByPath:
         made = inputs.replaced(inputs.user_inputs, template.make({**values, **changed}))
-        found = numbers_of(core_data(native_system(made, native)))
+        found = values_by_path(core_data(native_system(made, native)))
         return {path: x for path, x in found.items() if not any(key in CONSTANT for key in path[:2])}
 
     nominal, out, shifts, start = data({}), {}, {}, start_of(inputs.original)
@@ -84,7 +84,7 @@ def parameter_partials(
     return out
 
 
-def _partials(name: str, nominal: Numbers, changed: Numbers, change: float) -> dict[Path, float]:
+def _partials(name: str, nominal: ValuesByPath, changed: ValuesByPath, change: float) -> dict[Path, float]:
     """Return the partial derivatives of the numbers that change.
 
     Raises:
@@ -103,7 +103,7 @@ def _partials(name: str, nominal: Numbers, changed: Numbers, change: float) -> d
     return out
 
 
-def _require_linear(name: str, nominal: Numbers, changed: Numbers, changes: Mapping[Path, float]) -> None:
+def _require_linear(name: str, nominal: ValuesByPath, changed: ValuesByPath, changes: Mapping[Path, float]) -> None:
     for path, x in nominal.items():
         if not isinstance(x, int | float) or isinstance(x, bool):
             continue

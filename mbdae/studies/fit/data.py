@@ -12,7 +12,7 @@ from ..data_files import read_columns
 from ..sensitivity.cost import real
 
 TIME = "t"
-LARGEST_VALUE = 1e150  # the square of which is finite
+LARGEST_VALUE = 1e150  # sums of whose squares are finite
 
 
 class Recording(NamedTuple):
@@ -31,7 +31,7 @@ class Recording(NamedTuple):
     units: Mapping[str, str] = {}
 
 
-def records(data: object, signals: Sequence[str] = ()) -> list[Recording]:
+def read_recordings(data: object, signals: Sequence[str] = ()) -> list[Recording]:
     """Read data: a table or a file, or a list of them, one for each run.
 
     Args:
@@ -44,10 +44,10 @@ def records(data: object, signals: Sequence[str] = ()) -> list[Recording]:
     tables = data if isinstance(data, Sequence) and not isinstance(data, str) else [data]
     if not tables:
         raise InputError("a fit needs data: a table of t and signals, or a CSV or Parquet file")
-    return [_record(x, f"data {i + 1}", signals) for i, x in enumerate(tables)]
+    return [_read_recording(x, f"data {i + 1}", signals) for i, x in enumerate(tables)]
 
 
-def _record(data: object, name: str, signals: Sequence[str]) -> Recording:
+def _read_recording(data: object, name: str, signals: Sequence[str]) -> Recording:
     units: Mapping[str, str] = {}
     if isinstance(data, str | Path):
         name, (data, units, _) = str(data), read_columns(data)
@@ -90,6 +90,6 @@ def _check_values(found: Recording) -> None:
         if np.isinf(x).any():
             raise InputError(f"{name}: column {key!r} has an infinite value")
         if (np.abs(x) > LARGEST_VALUE).any():
-            raise InputError(f"{name}: column {key!r} has a value beyond {LARGEST_VALUE:g}, whose square overflows")
+            raise InputError(f"{name}: column {key!r} has a value beyond {LARGEST_VALUE:g}, whose square may overflow")
     if not any(np.isfinite(x).any() for x in columns.values()):
         raise InputError(f"{name}: no signal has a value")

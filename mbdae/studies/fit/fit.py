@@ -26,7 +26,7 @@ from ...tolerances import COARSE, INPUT_DIGITS, SEARCH_TOLERANCE, VISIBLE
 from ..factories import MechanismFactory, Model, factory_of
 from ..sensitivity.run_parameters import named_values, progress_reporter, reals, scaled
 from ..sweep.sweep_run import check_settings
-from .data import records
+from .data import read_recordings
 from .fit_residuals import FitResiduals
 from .identifiability import members, precision
 from .result import Attempt, Fit
@@ -96,12 +96,12 @@ def fit(
     """
     _check_names(parameters, settings)
     report_progress = progress_reporter(progress)
-    recordings = records(data, as_list(signals, "signals are names of columns"))
-    make = factory_of(model)
+    recordings = read_recordings(data, as_list(signals, "signals are names of columns"))
+    factory = factory_of(model)
     tables = _known_parameters(known, len(recordings), parameters)
-    named_values(make, dict.fromkeys(parameters, 0.0))
-    unknown = {name: _unknown(make, name, given) for name, given in parameters.items()}
-    problem = FitResiduals(make, list(unknown), recordings, tables, sigma, t_span, settings)
+    named_values(factory, dict.fromkeys(parameters, 0.0))
+    unknown = {name: _unknown(factory, name, given) for name, given in parameters.items()}
+    problem = FitResiduals(factory, list(unknown), recordings, tables, sigma, t_span, settings)
     low, high = (np.array([getattr(u, key) for u in unknown.values()]) for key in ("low", "high"))
     scale = scaled(scales, {name: (u.high - u.low) / 10 for name, u in unknown.items()})
     first = np.clip([u.start for u in unknown.values()], low, high)
@@ -218,7 +218,7 @@ def _is_reducible(r: Array, J: Array) -> bool:
     return bool(reduction @ reduction > VISIBLE * (r @ r))
 
 
-def _unknown(make: MechanismFactory, name: str, given: object) -> Unknown:
+def _unknown(factory: MechanismFactory, name: str, given: object) -> Unknown:
     """Return a parameter with its bounds.
 
     Raises:
@@ -230,19 +230,19 @@ def _unknown(make: MechanismFactory, name: str, given: object) -> Unknown:
             f"parameter {name!r} takes (low, high) or (start, low, high) with low < high, got {given!r:.60}"
         )
     *start, low, high = numbers
-    first = start[0] if start else _default_start(make, name, low, high)
+    first = start[0] if start else _default_start(factory, name, low, high)
     if not low <= first <= high:
         raise InputError(f"parameter {name!r} starts at {first:g}, outside its bounds {low:g} to {high:g}")
     return Unknown(first, low, high)
 
 
-def _default_start(make: MechanismFactory, name: str, low: float, high: float) -> float:
+def _default_start(factory: MechanismFactory, name: str, low: float, high: float) -> float:
     """Return the model's value if it lies between the bounds, else their mean."""
     middle = (low + high) / 2
-    if not isinstance(make, Template):
+    if not isinstance(factory, Template):
         return middle
     try:
-        given = parameter_value(make, name)
+        given = parameter_value(factory, name)
     except InputError as e:
         if "is not a number" not in str(e):
             raise
@@ -256,14 +256,14 @@ def _result(search: _Search, attempts: list[Attempt]) -> Fit:
     x, problem.fraction = np.array(list(best.values.values())), 1.0
     r, J, names = problem.residuals(x), problem.jacobian(x) * scale, problem.names
     chi2, dof = float(r @ r), len(r) - len(x)
-    found = precision(J, names, scale, high - low, r, None if problem.noise_known else problem.signals())
+    found = precision(J, names, scale, high - low, r, None if problem.noise_known else problem.signal_indices())
     tolerance = SEARCH_TOLERANCE * (high - low) + INPUT_DIGITS * scale
     at_bounds = list(members(names, (x - low < tolerance) | (high - x < tolerance)))
     sols = problem.simulate(x)
     runs = list(zip(sols, problem.recordings, strict=True))
-    computed = [{name: computed_signals(sol, [name])[name] for name in record.columns} for sol, record in runs]
-    residuals = [{name: (c[name] - record.columns[name]) / problem.sigma[name] for name in c}
-                 for c, record in zip(computed, problem.recordings, strict=True)]  # fmt: skip
+    computed = [{name: computed_signals(sol, [name])[name] for name in recording.columns} for sol, recording in runs]
+    residuals = [{name: (c[name] - recording.columns[name]) / problem.sigma[name] for name in c}
+                 for c, recording in zip(computed, problem.recordings, strict=True)]  # fmt: skip
     probability = float(chdtrc(dof, chi2)) if problem.noise_known and dof > 0 else np.nan
     mech = sols[0].mechanism
     all_units = units(mech)
@@ -272,8 +272,8 @@ def _result(search: _Search, attempts: list[Attempt]) -> Fit:
         dict(zip(names, x.tolist(), strict=True)),
         dict(zip(names, found.deviations.tolist(), strict=True)),
         found.covariance, found.correlations, chi2, dof, probability, found.unidentifiable, at_bounds, residuals,
-        computed, [record.columns for record in problem.recordings], [record.t for record in problem.recordings],
-        [record.name for record in problem.recordings], problem.runs, problem.gradients, best.converged, best.message,
-        attempts, {name: all_units[name] for record in problem.recordings for name in record.columns},
-        tuple(problem.all_rejected), parameter_units(problem.make, names), problem.noise_known,
+        computed, [x.columns for x in problem.recordings], [x.t for x in problem.recordings],
+        [x.name for x in problem.recordings], problem.runs, problem.gradients, best.converged, best.message,
+        attempts, {name: all_units[name] for x in problem.recordings for name in x.columns},
+        tuple(problem.all_rejected), parameter_units(problem.factory, names), problem.noise_known,
     )  # fmt: skip

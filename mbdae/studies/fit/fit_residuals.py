@@ -30,7 +30,7 @@ class FitResiduals:
 
     def __init__(
         self,
-        make: MechanismFactory,
+        factory: MechanismFactory,
         names: list[str],
         recordings: list[Recording],
         known: list[dict[str, float]],
@@ -38,9 +38,10 @@ class FitResiduals:
         t_span: float | Sequence[float] | None,
         settings: dict[str, Any],
     ) -> None:
-        self.make, self.names, self.recordings, self.known = make, names, recordings, known
+        self.factory, self.names, self.recordings, self.known = factory, names, recordings, known
         self.noise_known, self.fraction, self.runs, self.gradients = sigma is not None, 1.0, 0, 0
-        self.settings, self.parameters = settings, [VaryingParameters(_FixedParameters(make, table)) for table in known]
+        self.parameters = [VaryingParameters(_FixedParameters(factory, table)) for table in known]
+        self.settings = settings
         latest = max(float(r.t[-1]) for r in recordings)
         start, end = checked_span((0.0, latest) if t_span is None else t_span, may_be_empty=True)
         self.start = start
@@ -61,7 +62,7 @@ class FitResiduals:
         return [*(s for s in sorted(set(spans)) if s < 1 and self._count_values(s) >= fewest), 1.0]
 
     def _count_values(self, fraction: float) -> int:
-        """Return the smallest number of measured values of a run, without those at its start (of few parameters)."""
+        """Return the smallest number of measured values of a run after its start, which depends on few parameters."""
         counts = []
         for r in self.recordings:
             n = _sample_count(r, fraction)
@@ -77,18 +78,18 @@ class FitResiduals:
         key = (tuple(x), self.fraction)
         if self._cached[0] != key:
             values, out = dict(zip(self.names, map(float, x), strict=True)), []
-            for record, known in zip(self.recordings, self.known, strict=True):
-                mech = self.make.make({**known, **values})
-                times = record.t[: _sample_count(record, self.fraction)]
+            for recording, known in zip(self.recordings, self.known, strict=True):
+                mech = self.factory.make({**known, **values})
+                times = recording.t[: _sample_count(recording, self.fraction)]
                 span = (self.start, float(times[-1]))
-                for name in record.columns:
+                for name in recording.columns:
                     differentiable(mech, name)
-                check_headings(record.name, record.units, signal_units(mech))
-                run = times[-1] > self.start
-                sol = uninterrupted(solve(mech, span, t_eval=times, **self.settings)) if run else None
+                check_headings(recording.name, recording.units, signal_units(mech))
+                has_duration = times[-1] > self.start
+                sol = uninterrupted(solve(mech, span, t_eval=times, **self.settings)) if has_duration else None
                 if sol is None or not sol.ended:
                     reason = f"with {values_text(values)}, {sol.message}" if sol else "no time passes"
-                    raise InputError(f"{record.name}: {reason}")
+                    raise InputError(f"{recording.name}: {reason}")
                 self.runs += 1
                 out.append(sol)
             self._cached = key, out
@@ -98,8 +99,8 @@ class FitResiduals:
         """Return (signal - data)/sigma of all measured values; inf if a run fails or has no derivative."""
         try:
             runs = self.simulate(x)
-            blocks = [self.run_residuals(record, computed_signals(sol, record.columns), len(sol.t))
-                      for record, sol in zip(self.recordings, runs, strict=True)]  # fmt: skip
+            blocks = [self.run_residuals(recording, computed_signals(sol, recording.columns), len(sol.t))
+                      for recording, sol in zip(self.recordings, runs, strict=True)]  # fmt: skip
             if any(has_jumps(sol) for sol in runs):
                 self.jacobian(x)
         except MbdaeError as e:
@@ -112,14 +113,15 @@ class FitResiduals:
         self._size = len(out)
         return out
 
-    def run_residuals(self, record: Recording, computed: Mapping[str, Array], n: int) -> Array:
+    def run_residuals(self, recording: Recording, computed: Mapping[str, Array], n: int) -> Array:
         """Return residuals of one run at its first n times, signals concatenated, without missing values."""
-        out = np.concatenate([(computed[name] - data[:n]) / self.sigma[name] for name, data in record.columns.items()])
-        return out[~np.isnan(np.concatenate([data[:n] for data in record.columns.values()]))]
+        columns = recording.columns
+        out = np.concatenate([(computed[name] - data[:n]) / self.sigma[name] for name, data in columns.items()])
+        return out[~np.isnan(np.concatenate([data[:n] for data in columns.values()]))]
 
-    def signals(self) -> Array:
+    def signal_indices(self) -> Array:
         """Return the index of the signal of each residual of all samples, (n,)."""
-        columns = [(name, data) for record in self.recordings for name, data in record.columns.items()]
+        columns = [(name, data) for recording in self.recordings for name, data in recording.columns.items()]
         index = {name: i for i, name in enumerate(dict.fromkeys(name for name, _ in columns))}
         return np.repeat([index[name] for name, _ in columns], [np.count_nonzero(~np.isnan(x)) for _, x in columns])
 
@@ -136,27 +138,27 @@ class FitResiduals:
 
     def _computed_derivatives(self, x: Array) -> Array:
         values, rows = dict(zip(self.names, map(float, x), strict=True)), []
-        for record, parameters, sol in zip(self.recordings, self.parameters, self.simulate(x), strict=True):
+        for recording, parameters, sol in zip(self.recordings, self.parameters, self.simulate(x), strict=True):
             found = trajectory_sensitivity(parameters.trajectory(sol, values))
             self.gradients += 1
             n = len(sol.t)
-            block = np.vstack([found.signal(name) / self.sigma[name] for name in record.columns])
-            rows.append(block[~np.isnan(np.concatenate([data[:n] for data in record.columns.values()]))])
+            block = np.vstack([found.signal(name) / self.sigma[name] for name in recording.columns])
+            rows.append(block[~np.isnan(np.concatenate([data[:n] for data in recording.columns.values()]))])
         J = np.vstack(rows)
         if not np.isfinite(J).all():
             raise InputError("derivatives of a run are not finite: it diverges; use a smaller step")
         return J
 
 
-def _sample_count(record: Recording, fraction: float) -> int:
-    return max(1, round(fraction * len(record.t)))
+def _sample_count(recording: Recording, fraction: float) -> int:
+    return max(1, round(fraction * len(recording.t)))
 
 
 class _FixedParameters:
     """Mechanism factory with some parameters fixed."""
 
-    def __init__(self, make: MechanismFactory, known: Mapping[str, float]) -> None:
-        self.base, self.known = make, known
+    def __init__(self, factory: MechanismFactory, known: Mapping[str, float]) -> None:
+        self.base, self.known = factory, known
 
     def make(self, values: Mapping[str, object]) -> Mechanism:
         """Return the mechanism with these values and the fixed parameters."""

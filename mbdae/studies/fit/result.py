@@ -39,23 +39,24 @@ class Fit(Tabular):
         model: title of the model.
         values: the parameters at the least sum of squares.
         deviations: their standard deviations; inf if unidentifiable.
-        covariance: (k, k), (J^T J)^-1 of residuals in noise levels; inf and nan for unidentifiable parameters.
-        correlations: (k, k); nan for unidentifiable parameters.
+        covariance: covariance matrix, (k, k): (J^T J)^-1 of residuals in noise levels, or with the variances of the
+            signals if these are unknown; inf and nan for unidentifiable parameters.
+        correlations: correlation coefficients, (k, k); nan for unidentifiable parameters.
         chi2: sum of squares of residuals in noise levels.
         dof: number of measured values minus number of parameters.
-        probability: of a larger chi2 for pure noise; nan without known noise levels.
+        probability: probability of a larger chi2 for pure noise; nan without known noise levels.
         unidentifiable: groups of unidentifiable parameters, singly or in a combination.
         at_bounds: parameters at a bound.
-        residuals: for each run, by signal, (computed - measured) / sigma, (n,).
-        computed: for each run, by signal, (n,).
-        measured: for each run, by signal, (n,).
-        times: for each run, (n,).
+        residuals: (computed - measured) / sigma of each run by signal, (n,) each.
+        computed: computed signals of each run by name, (n,) each.
+        measured: measured signals of each run by name, (n,) each.
+        times: times of the samples of each run in s, (n,) each.
         names: names of the runs.
         runs: number of simulated runs.
         gradients: number of runs with derivatives.
         converged: whether the search converged.
         message: termination message.
-        searches: one for each start.
+        searches: the searches, one for each start.
         units: units of the signals.
         rejected: reasons why trial points were rejected: their runs failed or had no derivative.
         parameter_units: units of the parameters; "" if unknown.

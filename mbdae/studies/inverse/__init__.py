@@ -1,1 +1,1 @@
-"""Inverse dynamics: torques for a prescribed motion."""
+"""Inverse dynamics: actuator efforts of a prescribed motion."""

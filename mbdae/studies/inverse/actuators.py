@@ -24,7 +24,7 @@ class Actuators(NamedTuple):
         mechanism: mechanism without the forces that actuators replace; drivers are its last rows.
         names: names of the efforts.
         units: units of the efforts, ``"N m"`` or ``"N"``.
-        joint_rows: rows of S of joints, (m, nv); zero for drivers.
+        joint_rows: rows of S that belong to joints, (m, nv); zero for drivers.
         driver_rows: for each effort the row of G of its driver, -1 for joints.
         undriven: indices of the rows that are not drivers, (c,).
         replaced: names of the replaced forces.
@@ -52,8 +52,8 @@ class _Effort(NamedTuple):
 
     name: str
     unit: str
-    joint_rows: Array
-    row: int
+    joint_row: Array
+    driver_row: int
 
 
 class _Candidates:
@@ -102,7 +102,7 @@ class _Candidates:
 
 
 def actuators_of(mech: Mechanism, names: str | Sequence[str] | None, drive: str = "") -> Actuators:
-    """Return the actuators by name; by default the input, all drivers, joints with motors or controllers.
+    """Return the actuators by name; by default the input, else all drivers, else joints with motors or controllers.
 
     Raises:
         UnknownNameError: for an unknown name.

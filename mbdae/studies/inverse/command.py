@@ -14,7 +14,7 @@ MOTION = (
     click.argument("motion", required=False, metavar="[RUN.npz|TABLE.csv|.parquet]"),
     click.option("--drive", help="Instead of a motion: a joint driven at constant speed through one revolution."),
     click.option(
-        "--points", type=click.IntRange(min=3), default=361, show_default=True, help="Number of poses over the drive."
+        "--points", type=click.IntRange(min=3), default=361, show_default=True, help="Number of poses along the curve."
     ),
     *options_of("mbdae.studies.kinematics", "kinematics", "hold", {}),
 )
@@ -22,7 +22,7 @@ MOTION = (
 
 @study_command("speed actuator weight", TABLE, PLOT, shared="from to units", more=MOTION)
 def inverse_dynamics(study: Study, model: ChosenModel, motion: str | None, drive: str | None, **options: Any) -> Result:
-    """Compute the actuator efforts of a motion. This is a saved run, a table of q(t), or a drive at constant speed."""
+    """Compute the actuator efforts of a motion. It is a saved run, a table of q(t), or a drive at constant speed."""
     from ..kinematics.kinematics import kinematics
 
     curve = {name: options.pop(name) for name in ("span", "hold", "points")}

@@ -89,7 +89,7 @@ def inverse_dynamics(
         U, G = system.inertia(t, q), system.jacobian()
         b = U.T @ (U @ vdot) - system.force(t, q, v, s[i])[0]
         S = chosen.rows_at(G)
-        efforts[i] = _weighted_least_norm(Z.T @ S.T, Z.T @ b, weight)
+        efforts[i] = _weighted_minimum_norm(Z.T @ S.T, Z.T @ b, weight)
         _require_balance(chosen, Z, S, b, efforts[i], t)
         lam[i] = minimum_norm(G[np.ix_(undriven, free)], r, (b - S.T @ efforts[i])[free]) if r else 0.0
         speeds[i] = S @ v
@@ -157,14 +157,14 @@ def _basis(G: Array, free: Array) -> tuple[int, Array]:
     nv = G.shape[1]
     if not len(G):
         return 0, np.eye(nv)[:, free]
-    _, sizes, right = np.linalg.svd(G[:, free])
-    r = int(np.count_nonzero(sizes > RANK * sizes[0]))
+    _, sigmas, right = np.linalg.svd(G[:, free])
+    r = int(np.count_nonzero(sigmas > RANK * sigmas[0]))
     Z = np.zeros((nv, len(free) - r))
     Z[free] = right[r:].T
     return r, Z
 
 
-def _weighted_least_norm(A: Array, b: Array, weight: Array) -> Array:
+def _weighted_minimum_norm(A: Array, b: Array, weight: Array) -> Array:
     """Return the x with A x = b that minimizes the sum of weight x^2."""
     root = np.sqrt(weight)
     return np.linalg.lstsq(A / root, b, rcond=RANK)[0] / root

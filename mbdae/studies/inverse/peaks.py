@@ -42,14 +42,14 @@ def located_peak(values: Array, t: Array, over: Array, intervals: Sequence[Array
 
 
 def _polynomial(values: Array, t: Array, i: int, half: int) -> np.polynomial.Polynomial:
-    """Return the polynomial through 2 half + 1 samples around sample i, in the time since sample i over mean steps."""
+    """Return the polynomial through 2 half + 1 samples around sample i, in the time since sample i in mean steps."""
     window = slice(i - half, i + half + 1)
     x = (t[window] - t[i]) / np.diff(t[i - 1 : i + 2]).mean()
     return np.polynomial.Polynomial(np.linalg.solve(np.vander(x, increasing=True), values[window]))
 
 
 def delivered_and_absorbed(power: Array, t: Array, intervals: Sequence[Array]) -> tuple[float, float]:
-    """Return the integrals of the positive and of the negative part of a power, by monotone cubics, both positive."""
+    """Return the integrals of the positive and of the negative part of a power, by monotone cubics, both >= 0."""
     delivered = absorbed = 0.0
     for k in intervals:
         cubic = PchipInterpolator(t[k], power[k])

@@ -173,7 +173,8 @@ def _from_table(mech: Mechanism, columns: Mapping[str, object]) -> Prescribed:
     start = start_configuration(mech)
     at_start = [_coordinate(start, single[n]) for n in rigid]
     constant = np.stack([np.tile(x, (len(t), 1)) for x in (at_start, *np.zeros((2, len(rigid))))])
-    motion = _close_motion(mech, [single[n] for n in (*given, *rigid)], np.concatenate([targets, constant], axis=2))
+    joints = [single[n] for n in (*given, *rigid)]
+    motion = _consistent_motion(mech, joints, np.concatenate([targets, constant], axis=2))
     return Prescribed(t, *motion, {}, (t, "t (s)"), rigid=rigid)
 
 
@@ -211,7 +212,7 @@ def _check_columns(t: Array, given: Mapping[str, Array]) -> None:
         raise InputError(f"the times of a motion must increase, got {first:.9g} and then {second:.9g}{impact}")
 
 
-def _close_motion(mech: Mechanism, joints: list["pin.JointModel"], targets: Array) -> tuple[Array, Array, Array]:
+def _consistent_motion(mech: Mechanism, joints: list["pin.JointModel"], targets: Array) -> tuple[Array, Array, Array]:
     """Return q, v and v' that satisfy the closures, and fit joint values u, u', u'' (3, n, k) by least squares."""
     free = Mechanism(mech.model, mech.closures, start=mech.start_values)
     system, n = free.system(), targets.shape[1]
@@ -244,12 +245,12 @@ class _TargetPose(NamedTuple):
 
 def _at_targets(system: "Index2System", q: Array, joints: list["pin.JointModel"], target: Array) -> _TargetPose:
     """Return the configuration with g = 0 and joints closest to their targets (k,), by Gauss-Newton steps from q."""
-    at, circles = [j.idx_v for j in joints], np.array([j.nq == 2 for j in joints])
+    at, continuous = [j.idx_v for j in joints], np.array([j.nq == 2 for j in joints])
     scales = system.mechanism.coordinate_scales
     for _ in range(ITERATIONS):
         g, G = system.closures(q, 0.0)
         error = target - np.array([_coordinate(q, j) for j in joints])
-        error = np.where(circles, (error + np.pi) % (2 * np.pi) - np.pi, error)
+        error = np.where(continuous, (error + np.pi) % (2 * np.pi) - np.pi, error)
         x = _solve(G, -g, at, error)
         size = float(np.abs(x / scales).max())
         q = system.manifold.integrate(q, x / max(1.0, 2.0 * size))
@@ -279,19 +280,19 @@ def _check_dof(free: Mechanism, G: Array, at: list[int]) -> None:
         raise InputError(f"{left} degrees of freedom are undetermined when {names} follow the table: name more joints")
 
 
-def _solve(G: Array, rate: Array, at: list[int], target: Array) -> Array:
-    """Return x with G x = rate and x[at] closest to a target (k,)."""
+def _solve(G: Array, rhs: Array, at: list[int], target: Array) -> Array:
+    """Return x with G x = rhs and x[at] closest to a target (k,)."""
     if not len(G):
         Z, x = np.eye(G.shape[1]), np.zeros(G.shape[1])
     else:
-        left, sizes, right = np.linalg.svd(G)
-        r = int(np.count_nonzero(sizes > RANK * sizes[0]))
-        x, Z = (left[:, :r].T @ rate / sizes[:r]) @ right[:r], right[r:].T
+        left, sigmas, right = np.linalg.svd(G)
+        r = int(np.count_nonzero(sigmas > RANK * sigmas[0]))
+        x, Z = (left[:, :r].T @ rhs / sigmas[:r]) @ right[:r], right[r:].T
     return x + Z @ np.linalg.lstsq(Z[at], target - x[at], rcond=RANK)[0]
 
 
 def _remaining_dof(G: Array, at: list[int]) -> int:
     """Return the degrees of freedom that remain if some coordinates are prescribed."""
     rows = np.vstack([G, np.eye(G.shape[1])[at]])
-    sizes = np.linalg.svd(rows, compute_uv=False)
-    return G.shape[1] - int(np.count_nonzero(sizes > RANK * sizes[0]))
+    sigmas = np.linalg.svd(rows, compute_uv=False)
+    return G.shape[1] - int(np.count_nonzero(sigmas > RANK * sigmas[0]))

@@ -22,7 +22,7 @@ from .peaks import delivered_and_absorbed, located_peak
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SPEEDS = {"N m": "rad/s", "N": "m/s"}  # units of speeds by the unit of the effort
+SPEED_UNITS = {"N m": "rad/s", "N": "m/s"}  # units of speeds by the unit of the effort
 
 
 class Demand(NamedTuple):
@@ -65,8 +65,8 @@ class InverseDynamics(Tabular):
         q: configurations, (n, nq).
         v: velocities, (n, nv).
         vdot: accelerations, (n, nv).
-        names: names of the m actuators.
-        units: units of their efforts, ``"N m"`` or ``"N"``.
+        names: names of the m efforts: those of actuators, with the component of a joint of several coordinates.
+        units: units of the efforts, ``"N m"`` or ``"N"``.
         efforts: efforts, (n, m); nan in poses where the closures lose rank.
         speeds: speeds of the actuators in rad/s or m/s, (n, m).
         lam: multipliers of all rows except drivers', (n, c), of minimum norm for redundant rows; 0 for inactive rows.
@@ -152,10 +152,10 @@ class InverseDynamics(Tabular):
 
     def reaction(self, name: str) -> Reaction:
         """Return force and torque of a closure, see `mbdae.Solution.reaction`."""
-        return reaction(self._closed, name, self.t, self.q, self.lam)
+        return reaction(self._without_drivers, name, self.t, self.q, self.lam)
 
     @cached_property
-    def _closed(self) -> Mechanism:
+    def _without_drivers(self) -> Mechanism:
         m = self.mechanism
         return Mechanism(m.model, m.closures, m.forces, stops=m.stops, clutches=m.clutches)
 
@@ -171,9 +171,9 @@ class InverseDynamics(Tabular):
             out["u"] = self.over
         for word, values in (("effort", self.efforts), ("speed", self.speeds), ("power", self.power)):
             out |= {f"{word}.{n}": x for n, x in zip(self.names, values.T, strict=True)}
-        out |= dict(zip(row_names(self._closed), self.lam.T, strict=True))
+        out |= dict(zip(row_names(self._without_drivers), self.lam.T, strict=True))
         wrenches = {name: self.joint(name) for name in self.mechanism.joint_names}
-        reactions = [self.reaction(c.name) for c in self._closed.closures if c.frames]
+        reactions = [self.reaction(c.name) for c in self._without_drivers.closures if c.frames]
         for name, wrench in (wrenches | {r.name: (r.force, r.torque) for r in reactions}).items():
             for word, values in zip(("force", "torque"), wrench, strict=True):
                 out[f"{word}.{name}"] = np.linalg.norm(values, axis=1)
@@ -186,7 +186,7 @@ class InverseDynamics(Tabular):
         fixed = {"t": "s", "power": "W", "force": "N", "torque": "N m", "lam": "N, N m"}
         headers = {name: name.split(".", 1) for name in columns}
         found = {name: fixed.get(head[0], known.get(head[-1], "")) for name, head in headers.items()}
-        speeds = {f"speed.{name}": SPEEDS[unit] for name, unit in known.items()}
+        speeds = {f"speed.{name}": SPEED_UNITS[unit] for name, unit in known.items()}
         return Columns(columns, {name: unit for name, unit in (found | speeds).items() if unit}, "t")
 
     def cells(self) -> list[list[str]]:
@@ -258,7 +258,7 @@ class InverseDynamics(Tabular):
             name, unit = self.abscissa
             lines.append(
                 f"  {d.name}: peak {quantity(d.peak, d.unit, '.5g')} at {name} = {quantity(d.at, unit, '.4g')}, "
-                f"RMS {quantity(d.rms, d.unit, '.5g')}, up to {quantity(d.speed, SPEEDS[d.unit], '.4g')}"
+                f"RMS {quantity(d.rms, d.unit, '.5g')}, up to {quantity(d.speed, SPEED_UNITS[d.unit], '.4g')}"
             )
             energy, low = rounded_zero(d.energy, d.delivered + d.absorbed), displayed(0.0 - d.braking, "W")[0]
             delivered, absorbed = (displayed(x, "J")[0] for x in (d.delivered, d.absorbed))
@@ -271,11 +271,11 @@ class InverseDynamics(Tabular):
 
 def _cells(d: Demand) -> list[str]:
     """Return the cells of an actuator."""
-    speed = unit_name(SPEEDS[d.unit])
-    values = ((d.peak, d.unit, ".5g"), (d.rms, d.unit, ".5g"), (d.speed, SPEEDS[d.unit], ".4g"), (d.power, "W", ".4g"),
+    speed_unit = SPEED_UNITS[d.unit]
+    values = ((d.peak, d.unit, ".5g"), (d.rms, d.unit, ".5g"), (d.speed, speed_unit, ".4g"), (d.power, "W", ".4g"),
               (d.braking, "W", ".4g"), (rounded_zero(d.energy, d.delivered + d.absorbed), "J", ".5g"))  # fmt: skip
     peak, rms, most, *rest = (f"{displayed(x, unit)[0]:{digits}}" for x, unit, digits in values)
-    return [d.name, peak, rms, unit_name(d.unit), most, speed, *rest]
+    return [d.name, peak, rms, unit_name(d.unit), most, unit_name(speed_unit), *rest]
 
 
 def _integral(values: Array, t: Array, intervals: list[Array], power: int = 1) -> float:

@@ -21,7 +21,7 @@ from ...system import Array
 from ...tabular import Tabular, rounded_zero
 from ...units import quantity
 from .driven_mechanism import Hold, driven_mechanism, input_at, omitted_elements, require_one_dof
-from .mode_search import ModeSearch, counting_coordinates
+from .mode_search import ModeSearch, coordinates_in_couplings_only
 
 __all__ = ["assembly_modes"]
 
@@ -140,13 +140,13 @@ def assembly_modes(
         raise InputError(f"most must be a positive number of starts, got {most!r:.60}")
     u = u_start if at is None else float(at)
     names = as_list(apart, "apart is a list of joints")
-    distinguishing = ~counting_coordinates(driven, system, u) if not names else np.zeros(mech.nv, bool)
+    distinguishing = ~coordinates_in_couplings_only(driven, system, u) if not names else np.zeros(mech.nv, bool)
     for joint in find_joints(mech.model, names):
         distinguishing[joint.idx_v : joint.idx_v + joint.nv] = True
     search = ModeSearch(driven, q0, u, distinguishing).run(most)
     if not search.modes:
-        text = f"no pose was found at {drive!r} = {u:.6g} from {search.starts} starts: the input may not reach it"
-        raise InputError(text)
+        text = f"no pose was found at {drive!r} = {u:.6g} from {search.starts} starts"
+        raise InputError(f"{text}: the mechanism may not assemble there")
     return AssemblyModes(mech, drive, u, _labelled(search), search.starts, search.closed, tuple(search.warnings))
 
 

@@ -154,10 +154,10 @@ def require_one_dof(mech: Mechanism, system: "Index2System", q: Array, drive: st
     columns = mech.coordinate_scales
     G = system.jacobian(q) * columns / mech.row_scales[:, None]
     rows, e = G[:-1], G[-1]
-    left, sizes, right = np.linalg.svd(rows) if len(rows) else (np.eye(0), np.zeros(0), np.eye(system.nv))
-    r = int(np.count_nonzero(sizes > RANK * sizes.max(initial=0.0)))
+    left, sigmas, right = np.linalg.svd(rows) if len(rows) else (np.eye(0), np.zeros(0), np.eye(system.nv))
+    r = int(np.count_nonzero(sigmas > RANK * sigmas.max(initial=0.0)))
     Z = right[r:].T
-    k = int(np.count_nonzero(sizes > AMBIGUOUS_PIVOT * sizes.max(initial=0.0)))  # small values may be rounding
+    k = int(np.count_nonzero(sigmas > AMBIGUOUS_PIVOT * sigmas.max(initial=0.0)))  # small values may be rounding
     if k < min(rows.shape) and _is_singular(system, G, left[:, k:], right[k:].T):
         raise InputError("the closures lose rank in this pose, in which several branches intersect: start next to it")
     locked = ", ".join(hold)
@@ -179,8 +179,8 @@ def require_one_dof(mech: Mechanism, system: "Index2System", q: Array, drive: st
 
 def _is_singular(system: "Index2System", G: Array, left: Array, Z: Array) -> bool:
     """Return whether rows are dependent in this pose only: their second derivative along Z (nv, k) is not 0."""
-    for u in left.T:
-        if np.abs(Z.T @ constraint_hessian(system, u) @ Z).max() > VISIBLE * np.abs(G).max(initial=1.0):
+    for w in left.T:
+        if np.abs(Z.T @ constraint_hessian(system, w) @ Z).max() > VISIBLE * np.abs(G).max(initial=1.0):
             return True
     return False
 
@@ -190,7 +190,7 @@ def constraint_hessian(system: "Index2System", left: Array) -> Array:
 
     Args:
         system: a workspace of a driven mechanism.
-        left: factors of all rows except the driver's, (ng - 1,).
+        left: coefficients of all rows except the driver's, (ng - 1,).
     """
     columns, rows = system.mechanism.coordinate_scales, system.mechanism.row_scales
     K = system.constraints.partials(np.zeros(system.nv), np.append(left, 0.0) / rows)[0]

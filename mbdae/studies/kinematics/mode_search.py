@@ -96,7 +96,7 @@ class ModeSearch:
             self.warnings = ["poses are not isolated: the mechanism can move while the input is locked"]
         elif self.modes and not self._is_complete():
             self.warnings.append(
-                f"{most} starts are too few: some modes were found less than {HITS} times, or all rarely"
+                f"{most} starts are too few: some modes were found fewer than {HITS} times, or all rarely"
             )
         self.modes.sort(key=lambda m: m.circuit)
         return self
@@ -108,8 +108,8 @@ class ModeSearch:
         """Return the smallest over the largest singular value of all rows: 0 where two modes coincide."""
         G = self.curve.closures(q, self.u)[1]
         G[-1] /= self.curve.unit
-        sizes = np.linalg.svd(G, compute_uv=False)[: self.system.nv]
-        return float(sizes[-1] / sizes[0])
+        sigmas = np.linalg.svd(G, compute_uv=False)[: self.system.nv]
+        return float(sigmas[-1] / sigmas[0])
 
     def _is_complete(self) -> bool:
         if not self.modes:
@@ -180,8 +180,8 @@ class ModeSearch:
         return pose if is_same else None
 
 
-def counting_coordinates(mech: Mechanism, system: "Index2System", u: float) -> Array:
-    """Return a mask of coordinates that depend on a coupling, and on no other row, (nv,): wheels, racks, cams.
+def coordinates_in_couplings_only(mech: Mechanism, system: "Index2System", u: float) -> Array:
+    """Return a mask of the coordinates that occur in a coupling, and in no other row, (nv,): wheels, racks, cams.
 
     Args:
         mech: the mechanism with its drive.

@@ -122,7 +122,7 @@ class Kinematics(Tabular):
     def advantage(self) -> Array:
         """Mechanical advantage at the output joint: its effort per unit effort of the drive, without losses, (n,).
 
-        It is the inverse of the velocity ratio, infinite where the output reverses, 0 at dead points of the drive; nan
+        It is the inverse of the velocity ratio, infinite where the output reverses, 0 at dead points of the input; nan
         without an output.
         """
         if not self.output:

@@ -18,7 +18,7 @@ from ...tolerances import SOLUTION_ROUNDING, ZERO_SPEED
 
 
 def default_output(mech: Mechanism, drive: str, locked: list[str]) -> str | None:
-    """Return the only ground joint of one coordinate that is neither driven nor locked; None if there are several."""
+    """Return the only ground joint that is neither driven nor locked; None for several, or several coordinates."""
     found = [
         n for n in mech.joint_names if mech.model.parents[mech.model.getJointId(n)] == 0 and n not in (drive, *locked)
     ]

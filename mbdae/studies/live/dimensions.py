@@ -1,4 +1,4 @@
-"""Lengths and other parameters of a live mechanism, moved by sliders, and the paths of its points over all poses."""
+"""Lengths and other parameters of a live mechanism, set by sliders, and the paths of its points over all poses."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -24,7 +24,7 @@ POSES = 121  # number of poses of a path
 
 
 class Dimensions:
-    """Parameters of a mechanism that sliders move, and traced frames.
+    """Parameters of a mechanism that sliders set, and traced frames.
 
     Args:
         mechanism: the mechanism, read from files if there are parameters.
@@ -48,10 +48,10 @@ class Dimensions:
             find_frame(mechanism.model, name)
         self.mechanism, self.values, self.units = mechanism, dict[str, float](), dict[str, str]()
         if ranges:
-            self._make = LoadedModel(mechanism)
-            self.values = {name: parameter_value(self._make, name) for name in ranges}
-            self.units = {name: parameter_unit(self._make, name) for name in ranges}
-            self.mechanism = self._make.make(self.values)
+            self._factory = LoadedModel(mechanism)
+            self.values = {name: parameter_value(self._factory, name) for name in ranges}
+            self.units = {name: parameter_unit(self._factory, name) for name in ranges}
+            self.mechanism = self._factory.make(self.values)
 
     def check(self, request: Mapping[str, Any]) -> None:
         """Require a known parameter.
@@ -76,7 +76,7 @@ class Dimensions:
             InputError: for an invalid value.
         """
         previous, values = self.mechanism, {**self.values, name: float(value)}
-        mech = self._make.make(values)
+        mech = self._factory.make(values)
         names = independent(previous, previous.system(), q)
         fixed = np.array([find_joint(mech.model, joint).idx_v for joint in names], int)
         q = close_position(mech.system(), q, fixed, 0.0)

@@ -204,7 +204,7 @@ class LiveView:
             for _ in range(count):
                 self._pulls.apply(self._simulator)
                 if self._simulator.advance(dt / count) == "event":
-                    self.state, self.message = "paused", "an event has ended the advance"
+                    self.state, self.message = "paused", "the simulation has reached a terminal event"
                     return
         except Exception as e:  # the page reports it, and the record remains
             kind = "" if isinstance(e, MbdaeError) else f"{type(e).__name__}: "

@@ -1,7 +1,7 @@
 """Interaction of a user with a live simulation: inputs are set, joints and a point are pulled by springs.
 
-Spring forces are inputs of the mechanism, constant over substeps of an advance that are much shorter than the period.
-So the recorded run contains all actions, and `mbdae.solve` repeats it.
+Spring forces are inputs of the mechanism, constant over substeps that are much shorter than the period of the
+springs. So the recorded run contains all actions, and `mbdae.solve` repeats it.
 """
 
 import json
@@ -52,10 +52,11 @@ class Pulls:
     def __init__(self, mechanism: Mechanism, q: Array, ranges: Mapping[str, Sequence[float]]) -> None:
         self.inputs = dict(Inputs(mechanism).original_inputs)
         self.joints = independent(mechanism, mechanism.system(), q)[:MAX_SLIDERS]
-        self._hands = [name for joint in mechanism.joint_names for name in _hand(mechanism, joint)]
+        hand_inputs = {joint: _hand_inputs(mechanism, joint) for joint in mechanism.joint_names}
+        self._hand_names = [name for names in hand_inputs.values() for name in names]
         hands = [
-            JointTorque(name=f"hand {j}", joint=j, torque=tuple(Input(name=name) for name in _hand(mechanism, j)))
-            for j in mechanism.joint_names
+            JointTorque(name=f"hand {joint}", joint=joint, torque=tuple(Input(name=name) for name in names))
+            for joint, names in hand_inputs.items()
         ]
         self.mechanism = variant(mechanism, forces=[*mechanism.forces, *hands], source=None)
         self._ranges = {**_default_ranges(mechanism, self.inputs, self.joints, q), **checked_ranges(ranges)}
@@ -118,7 +119,7 @@ class Pulls:
         elif "release" in request:
             self.release()
         else:
-            raise InputError(f"unknown order {json.dumps(request)[:60]}")
+            raise InputError(f"unknown request {json.dumps(request)[:60]}")
 
     def _grasp(self, joint: int, point: Array, q: Array) -> None:
         self._point, self._to = PulledPoint(self.mechanism, joint, point, q), point
@@ -134,7 +135,7 @@ class Pulls:
     # -- springs ---------------------------------------------------------------------------------------------------
 
     def substeps(self, dt: float) -> int:
-        """Return the number of substeps of an advance of dt in s."""
+        """Return the number of substeps of a step of dt in s."""
         active = self._targets or self._point or self._acting
         return ceil(dt * FREQUENCY / SUBSTEP) if active else 1
 
@@ -143,7 +144,7 @@ class Pulls:
         acting = bool(self._targets or self._point)
         if acting or self._acting:
             tau = self._tau(simulator.q, simulator.v) if acting else np.zeros(self.mechanism.nv)
-            for name, value in zip(self._hands, tau.tolist(), strict=True):
+            for name, value in zip(self._hand_names, tau.tolist(), strict=True):
                 simulator[name] = value
         self._acting = acting
 
@@ -194,7 +195,7 @@ class Pulls:
         return self.inputs[name].unit if name in self.inputs else _unit(self.mechanism, name)
 
 
-def _hand(mechanism: Mechanism, joint: str) -> list[str]:
+def _hand_inputs(mechanism: Mechanism, joint: str) -> list[str]:
     """Return the names of the inputs of a joint, one for each of its velocities."""
     count = find_joint(mechanism.model, joint).nv
     return [f"hand {joint}"] if count == 1 else [f"hand {joint} {k + 1}" for k in range(count)]

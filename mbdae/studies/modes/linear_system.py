@@ -41,7 +41,7 @@ N_FREQUENCIES = 400  # frequencies of a frequency response
 
 @dataclass(frozen=True)
 class LinearSystem(Tabular):
-    """Result of `linearize`: z' = A z + B u, y = C z + D u, in perturbations of the operating point.
+    """Result of `linearize`: z' = A z + B u, y = C z + D u, in perturbations from the operating point.
 
     Attributes:
         title: title of the mechanism.
@@ -92,7 +92,7 @@ class LinearSystem(Tabular):
         return out
 
     def band(self) -> Array:
-        """Return frequencies in Hz, from a tenth of the lowest eigenfrequency to ten times the highest, (k,)."""
+        """Return frequencies in Hz, from a tenth of the smallest |lambda| to ten times the largest, (k,)."""
         size = np.abs(spectrum(self.A, self.motion.noise).values)
         size = size[size > 0] if size.any() else np.array([2 * np.pi])
         return np.geomspace(size.min() / 10, size.max() * 10, N_FREQUENCIES) / (2 * np.pi)
@@ -146,7 +146,7 @@ def linearize(
 
         z' = A z + B u,   y = C z + D u
 
-    in perturbations of that point, with exact partial derivatives of all forces; z are perturbations of (q, v, s)
+    in perturbations from that point, with exact partial derivatives of all forces; z are perturbations of (q, v, s)
     compatible with the closures.
 
     An input is the name of a joint (a torque on it in N m or N; ``joint.2`` for one of several coordinates), of a

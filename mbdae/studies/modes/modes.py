@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = ["modes"]
 
-DIGITS = 9  # digits of log |lambda| in sorting, so that conjugate pairs stay together
+DIGITS = 9  # decimal places of log |lambda| in sorting, so that conjugate pairs stay together
 FRAMES, SECONDS = 121, 2.0  # number of frames and duration of one cycle in a replay
 AMPLITUDE = 0.25  # default amplitude of a replay in rad or m
 LARGEST_COMPONENTS = 3  # number of components of a shape shown as text
@@ -237,7 +237,8 @@ class Modes(Tabular):
 
     def __str__(self) -> str:
         words = "stable" if self.stable else "unstable"
-        title = f"modes of {self.mechanism.title} around its {self.around}: {words}"
+        around = "given configuration" if self.around == "given" else self.around
+        title = f"modes of {self.mechanism.title} around its {around}: {words}"
         lines = [title, "", *align_columns(self.cells())]
         if self.free_below:
             largest = np.abs(self.eigenvalues).max()

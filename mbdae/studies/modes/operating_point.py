@@ -13,7 +13,7 @@ from ...mechanism.equilibrium.linearization import LinearMotion, linearize_at, r
 from ...system import Array
 from ...tolerances import CLOSED
 from ..statics.contacts import Contacts, find_equilibrium_on_contacts
-from ..statics.equilibrium import complete_arguments, frozen_drivers, require_time, velocities, velocity_labels
+from ..statics.equilibrium import complete_arguments, frozen_drivers, require_time, velocity_indices, velocity_labels
 from ..statics.stability import loses_rank
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def operating_point(
     t: float,
     hold: str | Iterable[str],
 ) -> tuple[Statics, ForceBalance, LinearMotion, str]:
-    """Return the force balance at which to linearize, and its kind.
+    """Return the equations and the force balance of an operating point, its linearization, and its kind.
 
     A full configuration (nq,) is used unchanged, with the speeds v. By default, the start is used if it is an
     equilibrium or a steady motion with its speeds; else the equilibrium found from there.
@@ -39,7 +39,7 @@ def operating_point(
     """
     require_time(t)
     names = as_list(hold, "hold is a list of joints")
-    locked = np.unique(np.array([i for name in names for i in velocities(mech, name)], int))
+    locked = np.unique(np.array([i for name in names for i in velocity_indices(mech, name)], int))
     found, not_steady = None, ""
     if isinstance(q, np.ndarray):
         q0 = mech.assemble(q, t=t)[0]

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["root_locus"]
 
-SPEED = "v."
+SPEED_PREFIX = "v."
 CROSSING_WIDTH = 1e-2  # half width of the search range of a crossing, as a fraction of an interval
 
 
@@ -39,7 +39,7 @@ class RootLocus(Tabular):
         model: title or name of the model.
         name: name of the parameter.
         values: values of the parameter, (n,).
-        eigenvalues: tracked over the values, (n, m); nan where they could not be computed.
+        eigenvalues: eigenvalues tracked over the values, (n, m); nan where they could not be computed.
         messages: reasons for missing eigenvalues, by index of the value.
         changes: values at which the number of growing modes changes.
         unit: unit of the parameter; "" if unknown.
@@ -66,7 +66,8 @@ class RootLocus(Tabular):
         from .. import figures
         from .figure import locus
 
-        return figures.save_if_path(locus(self, self.name.startswith(SPEED) if campbell is None else campbell), path)
+        lines = self.name.startswith(SPEED_PREFIX) if campbell is None else campbell
+        return figures.save_if_path(locus(self, lines), path)
 
     def to_columns(self) -> Columns:
         """Return real and imaginary parts over the parameter."""
@@ -152,7 +153,7 @@ def root_locus(
 def _unit(model: Model, name: str, start: Mapping[str, Any]) -> str:
     """Return the unit of a parameter or a speed; "" if unknown."""
     factory = factory_of(model)
-    if name.startswith(SPEED):
+    if name.startswith(SPEED_PREFIX):
         return coordinate_units(factory.make(dict(start))).get(name, "")
     return parameter_units(factory, [name]).get(name, "")
 
@@ -166,8 +167,8 @@ def _roots(
         UnknownNameError, InputError: for a model or parameter that does not exist.
     """
     factory = factory_of(model)
-    if name.startswith(SPEED) and name != SPEED:
-        joint, checked = name.removeprefix(SPEED), start
+    if name.startswith(SPEED_PREFIX) and name != SPEED_PREFIX:
+        joint, checked = name.removeprefix(SPEED_PREFIX), start
     else:
         joint, checked = "", {**start, name: first}
     factory.check({n: x for n, x in checked.items() if n not in factory.parameters})

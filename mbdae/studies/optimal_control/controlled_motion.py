@@ -36,19 +36,19 @@ class Grid(NamedTuple):
     steps: int
     duration: float | None
 
-    def sizes(self) -> dict[str, int]:
+    def value_counts(self) -> dict[str, int]:
         """Return the number of values of each input."""
         return {name: self.points - (name not in self.linear) for name in self.names}
 
     def unknowns(self) -> list[str]:
         """Return the names of z."""
-        inputs = [f"{name}.{k}" for name, n in self.sizes().items() for k in range(n)]
+        inputs = [f"{name}.{k}" for name, n in self.value_counts().items() for k in range(n)]
         return [*inputs, *(["duration"] if self.duration is None else [])]
 
     def columns(self, name: str) -> range:
         """Return the indices of the values of an input in z."""
-        first = sum(n for other, n in list(self.sizes().items())[: self.names.index(name)])
-        return range(first, first + self.sizes()[name])
+        first = sum(n for other, n in list(self.value_counts().items())[: self.names.index(name)])
+        return range(first, first + self.value_counts()[name])
 
     def weights(self) -> Array:
         """Return the weights of the integral over an interval of length 1 by Simpson's rule, (steps + 1,)."""
@@ -96,7 +96,7 @@ class ControlledMotion:
 
 
 class Shooting:
-    """Motions over the unknowns, from one start.
+    """Motions as functions of the unknowns, from one start.
 
     Args:
         simulator: simulator in its start state.
@@ -181,8 +181,8 @@ class Shooting:
         self, k: int, dy: Array, found: dict[str, Array], partials: dict[str, Array]
     ) -> tuple[Array, Array]:
         """Store signals on interval k and their derivatives; return times of nodes, and derivatives of y at the end."""
-        grid, advance = self.grid, self.simulator.differentiated()
-        p, trajectory, width = advance.parameters, advance.trajectory, dy.shape[1]
+        grid, span = self.grid, self.simulator.differentiated()
+        p, trajectory, width = span.parameters, span.trajectory, dy.shape[1]
         dp, dt = np.zeros((len(p.columns), width)), np.zeros(width)
         for name in grid.names:
             at = grid.columns(name)
@@ -191,12 +191,12 @@ class Shooting:
                 dp[p.column("input of first order", name), at[k]] = 1.0
         if grid.duration is None:
             dt[-1] = 1.0 / (grid.points - 1)
-        along, first = advance.tangents(dy, dp, dt), len(trajectory.ts) - grid.steps - 1
+        along, first = span.tangents(dy, dp, dt), len(trajectory.ts) - grid.steps - 1
         rows = SignalJacobian(trajectory, self.names) if self.names else None
         for j in range(grid.steps + 1):
             i, time = first + j, float(trajectory.ts[first + j])
             dt_node = dt * (k + j / grid.steps)  # derivative of the node's time
-            dp_node = dp + advance.fixed_inputs(dt_node)
+            dp_node = dp + span.fixed_inputs(dt_node)
             if rows:
                 trajectory.enter_node(i)
             for name in self.names:

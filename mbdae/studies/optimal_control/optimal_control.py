@@ -43,16 +43,16 @@ def optimal_control(
     progress: Callable[[str], None] | None = None,
     **settings: Any,
 ) -> OptimalControl:
-    """Find the inputs u(t) of a mechanism, and the duration T, that minimize an integral of its motion.
+    """Find the inputs u(t) of a mechanism, and the duration T, that minimize an integral along its motion.
 
         minimize  w T + int_0^T L dt,   q' = v,  M v' = f(q, v, s, u) + G^T lam,  0 = G v + g_t,  (q, v, s)(0) given
         low <= u <= high,   low_j <= x_j(T) <= high_j,   low_i <= x_i(t_k) <= high_i,   T_low <= T <= T_high
 
-    by direct single shooting: unknowns are the values of u at equal intervals, in between constant or linear as
+    by direct single shooting: unknowns are the values of u at equidistant times, in between constant or linear as
     specified for each input, and T. Closed loops are part of the run, not constraints of the search. Steps scale with
     T; their exact derivatives come from one forward sweep (`mbdae.Simulator.tangent`) for the cost and all constraints,
-    and scipy's sequential least squares (Kraft, DFVLR-FB 88-28 (1988)) searches. The accuracy is limited by the grid:
-    compare with twice the points.
+    and scipy's sequential least-squares programming (Kraft, DFVLR-FB 88-28 (1988)) searches. The accuracy is limited by
+    the grid: compare with twice the points.
 
     Args:
         model: a mechanism with inputs, or the name or path of one.
@@ -112,14 +112,14 @@ def optimal_control(
 
 def _input_limits(simulator: Simulator, inputs: object) -> dict[str, tuple[float, float]]:
     """Return (low, high) of the inputs to find."""
-    cells = simulator.inputs.user_inputs
+    user_inputs = simulator.inputs.user_inputs
     if not isinstance(inputs, Mapping):
         if isinstance(inputs, str) or not isinstance(inputs, Sequence) or not all(isinstance(x, str) for x in inputs):
             raise InputError(f"inputs are a list of names, or name = (low, high), got {inputs!r:.60}")
         inputs = dict.fromkeys(inputs, (None, None))
     if not inputs:
-        raise InputError(f"name the inputs to find, of: {', '.join(cells) or 'none, the model has no [[input]]'}")
-    found = ranges("input", cells, inputs)
+        raise InputError(f"name the inputs to find, of: {', '.join(user_inputs) or 'none, the model has no [[input]]'}")
+    found = ranges("input", user_inputs, inputs)
     return {name: found[name] for name in inputs}
 
 
@@ -136,7 +136,7 @@ def _unknowns(
     for name in guess:
         if name not in grid.names:
             raise UnknownNameError("input", name, grid.names)
-    for name, n in grid.sizes().items():
+    for name, n in grid.value_counts().items():
         values = _guess(name, guess.get(name, simulator.inputs.user_inputs[name].setting.value), n)
         low, high = box[name]
         size = ((high - low) / 10 if np.isfinite(high - low) else float(np.abs(values).max())) or 1.0

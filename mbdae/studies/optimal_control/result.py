@@ -56,9 +56,9 @@ class OptimalControl(Tabular):
         z = np.array(list(found.values.values()))
         inputs = {name: z[grid.columns(name)] for name in grid.names}
         inputs = {name: x if name in grid.linear else np.append(x, x[-1]) for name, x in inputs.items()}
-        cells = motion.shooting.simulator.inputs.user_inputs
+        user_inputs = motion.shooting.simulator.inputs.user_inputs
         return cls(
-            np.append(motion.t[:, 0], motion.t[-1, -1]), inputs, {name: cells[name].unit for name in grid.names},
+            np.append(motion.t[:, 0], motion.t[-1, -1]), inputs, {name: user_inputs[name].unit for name in grid.names},
             grid.linear, {name: motion.at_points(name) for name in motion.values if name not in grid.names}, found.cost,
             motion.duration, motion.result, len(found.history), found.converged, found.interrupted, found.message,
         )  # fmt: skip

@@ -160,7 +160,9 @@ class Motion(Protocol):
 ComputeMotion = Callable[[dict[str, float]], Motion]
 
 
-def runs(make: MechanismFactory, t_span: tuple[float, float] | None, settings: Mapping[str, Any]) -> ComputeMotion:
+def run_function(
+    factory: MechanismFactory, t_span: tuple[float, float] | None, settings: Mapping[str, Any]
+) -> ComputeMotion:
     """Return a function that runs a mechanism with given parameters.
 
     Raises:
@@ -168,10 +170,10 @@ def runs(make: MechanismFactory, t_span: tuple[float, float] | None, settings: M
         InputError: for an incomplete run; KeyboardInterrupt for an interrupted one.
     """
     check_settings(settings, excluded=("problem", "t_span", "progress"))
-    parameters = VaryingParameters(make)
+    parameters = VaryingParameters(factory)
 
     def run(values: dict[str, float]) -> RunMotion:
-        mech = make.make(values)
+        mech = factory.make(values)
         span = (0.0, mech.duration) if t_span is None else t_span
         sol = uninterrupted(solve(mech, span, **settings))
         if not sol.ended:
@@ -181,7 +183,9 @@ def runs(make: MechanismFactory, t_span: tuple[float, float] | None, settings: M
     return run
 
 
-def curves(make: MechanismFactory, drive: str, first: Mechanism, options: Mapping[str, Any]) -> ComputeMotion:
+def curve_function(
+    factory: MechanismFactory, drive: str, first: Mechanism, options: Mapping[str, Any]
+) -> ComputeMotion:
     """Return a function that traces the poses of a mechanism with given parameters over the inputs of the first curve.
 
     Raises:
@@ -197,11 +201,11 @@ def curves(make: MechanismFactory, drive: str, first: Mechanism, options: Mappin
     fixed = {**options, "span": span, "hold": hold}
 
     def curve_motion(values: dict[str, float]) -> CurveMotion:
-        found = kinematics(make.make(values), drive, **fixed)
+        found = kinematics(factory.make(values), drive, **fixed)
         require_monotonic(found, span)
 
         def driven(parameters: Mapping[str, float]) -> Mechanism:
-            return driven_mechanism(make.make(parameters), drive, hold, found.q[0])
+            return driven_mechanism(factory.make(parameters), drive, hold, found.q[0])
 
         return CurveMotion(found, driven, values)
 

@@ -2,8 +2,9 @@
 
     minimize c(p),   low <= p <= high,   low_j <= c_j(p) <= high_j
 
-by sequential least squares (Kraft, DFVLR-FB 88-28 (1988)) or another search of scipy with exact gradients: by the
-adjoint of a run (`mbdae.gradient`), or along a curve of poses (`mbdae.kinematics`) by the implicit function theorem.
+by sequential least-squares programming (Kraft, DFVLR-FB 88-28 (1988)) or another search of scipy with exact gradients:
+by the adjoint of a run (`mbdae.gradient`), or along a curve of poses (`mbdae.kinematics`) by the implicit function
+theorem.
 """
 
 from collections.abc import Callable, Mapping
@@ -20,7 +21,7 @@ from ...tolerances import VISIBLE
 from ..factories import Model, factory_of
 from ..sensitivity.cost import Cost
 from ..sensitivity.run_parameters import Names, named_values, progress_reporter
-from .objective import ComputeMotion, CostEvaluation, Motion, curves, runs
+from .objective import ComputeMotion, CostEvaluation, Motion, curve_function, run_function
 from .result import Evaluation, Optimum
 from .search_range import (
     constraint_limits,
@@ -58,7 +59,8 @@ def optimize(
 
         minimize c(p),   low <= p <= high,   low_j <= c_j(p) <= high_j
 
-    by sequential least squares (Kraft, DFVLR-FB 88-28 (1988)), or another search of scipy, with exact gradients.
+    by sequential least-squares programming (Kraft, DFVLR-FB 88-28 (1988)), or another search of scipy, with exact
+    gradients.
 
     The motion is a run from the mechanism's start; or, with ``drive``, the curve of its poses over an input, for which
     only positions, their rates and holding efforts are available. Parameters for which the motion cannot be computed
@@ -92,14 +94,16 @@ def optimize(
     if drive is not None and t_span is not None:
         raise InputError("a curve over a drive has no t_span: give span, the range of the drive, or leave drive out")
     _check_search(search, bool(constraints))
-    make = factory_of(model)
-    start = _start(make, parameters)
+    factory = factory_of(model)
+    start = _start(factory, parameters)
     box = ranges("parameter", start, table_by_name("bounds", bounds))
     limits = {name: constraint_limits(name, given) for name, given in table_by_name("constraints", constraints).items()}
     require_within_bounds(start, box)
-    box = effective_bounds(make, start, box)
+    box = effective_bounds(factory, start, box)
     compute_motion = (
-        curves(make, drive, make.make(start), settings) if drive is not None else runs(make, t_span, settings)
+        curve_function(factory, drive, factory.make(start), settings)
+        if drive is not None
+        else run_function(factory, t_span, settings)
     )
     functions = {name: x[0] for name, x in (constraints or {}).items()}
     problem = Problem(compute_motion, cost, functions, start, limits, progress_reporter(progress))
@@ -127,9 +131,9 @@ class Problem:
         first = self.evaluate(self.z)
         for m in first.values():
             m.derivatives()  # rejects parameters without a derivative
-        self.sizes = {name: abs(m.value) or 1.0 for name, m in first.items()}
+        self.magnitudes = {name: abs(m.value) or 1.0 for name, m in first.items()}
         for name, pair in limits.items():
-            self.sizes[name] = max([abs(x) for x in pair if np.isfinite(x)], default=0.0) or self.sizes[name]
+            self.magnitudes[name] = max([abs(x) for x in pair if np.isfinite(x)], default=0.0) or self.magnitudes[name]
 
     def values(self, z: Array) -> dict[str, float]:
         """Return the parameters."""
@@ -174,7 +178,7 @@ class Problem:
 
     def violation(self, evaluation: Evaluation) -> float:
         """Return the largest constraint violation over the magnitude of the constraint; 0 if satisfied."""
-        found = [(x, self.sizes[name], *self.limits[name]) for name, x in evaluation.constraints.items()]
+        found = [(x, self.magnitudes[name], *self.limits[name]) for name, x in evaluation.constraints.items()]
         violations = [max(low - x, x - high) / size for x, size, low, high in found]
         return max((x for x in violations if x > VISIBLE), default=0.0)
 
@@ -184,11 +188,11 @@ class Problem:
 
     def value(self, z: Array, name: str = "") -> float:
         """Return the cost or a constraint, over its magnitude."""
-        return self.evaluate(z)[name].value / self.sizes[name]
+        return self.evaluate(z)[name].value / self.magnitudes[name]
 
     def derivatives(self, z: Array, name: str = "") -> Array:
         """Return the derivatives of the cost or a constraint with respect to z, (k,)."""
-        return self.evaluate(z)[name].derivatives() * self.scale / self.sizes[name]
+        return self.evaluate(z)[name].derivatives() * self.scale / self.magnitudes[name]
 
     def solve(
         self, box: dict[str, tuple[float, float]], scale: Array, search: str, tolerance: float, iterations: int
@@ -199,7 +203,7 @@ class Problem:
         self.scale, interrupted, differentiated = scale, False, True
         rows = [
             NonlinearConstraint(
-                lambda z, n=name: self.value(z, n), pair[0] / self.sizes[name], pair[1] / self.sizes[name],
+                lambda z, n=name: self.value(z, n), pair[0] / self.magnitudes[name], pair[1] / self.magnitudes[name],
                 jac=lambda z, n=name: self.derivatives(z, n)[None],
             )
             for name, pair in self.limits.items()
@@ -231,7 +235,7 @@ class Problem:
         )  # fmt: skip
 
     def is_stationary(self, z: Array, low: Array, high: Array) -> bool:
-        """Return whether the cost has zero derivative within the bounds."""
+        """Return whether the gradient of the cost, projected onto the bounds, is zero."""
         step = np.clip(z - self.derivatives(z), low, high) - z
         return bool(np.abs(step).max(initial=0.0) < VISIBLE)
 
@@ -248,7 +252,7 @@ def _check_search(search: str, constrained: bool) -> None:
         raise InputError("search 'L-BFGS-B' takes no constraints, only bounds")
 
 
-def _start(make: Any, names: Names) -> dict[str, float]:
+def _start(factory: Any, names: Names) -> dict[str, float]:
     if not names:
         raise InputError("a search needs parameters: a list of names, or name = value")
-    return named_values(make, names)
+    return named_values(factory, names)

@@ -26,29 +26,31 @@ def require_within_bounds(start: Mapping[str, float], box: Mapping[str, tuple[fl
 
 
 def effective_bounds(
-    make: MechanismFactory, start: Mapping[str, float], box: Mapping[str, tuple[float, float]]
+    factory: MechanismFactory, start: Mapping[str, float], box: Mapping[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
     """Return the bounds of parameters, with 0 in place of infinity if mechanisms exist on one side of 0 only.
 
     Without this bound, a line search could not reach 0, since it rejects all points beyond.
     """
-    low = _limited_by_zero(make, start, [n for n, pair in box.items() if pair[0] == -np.inf and start[n] >= 0], -SMALL)
-    high = _limited_by_zero(make, start, [n for n, pair in box.items() if pair[1] == np.inf and start[n] <= 0], SMALL)
+    no_low = [n for n, pair in box.items() if pair[0] == -np.inf and start[n] >= 0]
+    no_high = [n for n, pair in box.items() if pair[1] == np.inf and start[n] <= 0]
+    low = _limited_by_zero(factory, start, no_low, -SMALL)
+    high = _limited_by_zero(factory, start, no_high, SMALL)
     return {n: (0.0 if n in low else pair[0], 0.0 if n in high else pair[1]) for n, pair in box.items()}
 
 
 def _limited_by_zero(
-    make: MechanismFactory, start: Mapping[str, float], names: Sequence[str], beyond: float
+    factory: MechanismFactory, start: Mapping[str, float], names: Sequence[str], beyond: float
 ) -> list[str]:
     """Return the parameters for which no mechanism exists beyond 0; none if it exists with all of them beyond 0."""
-    if not names or _exists(make, {**start, **dict.fromkeys(names, beyond)}):
+    if not names or _exists(factory, {**start, **dict.fromkeys(names, beyond)}):
         return []
-    return [n for n in names if not _exists(make, {**start, n: beyond}) and _exists(make, {**start, n: 0.0})]
+    return [n for n in names if not _exists(factory, {**start, n: beyond}) and _exists(factory, {**start, n: 0.0})]
 
 
-def _exists(make: MechanismFactory, values: dict[str, float]) -> bool:
+def _exists(factory: MechanismFactory, values: dict[str, float]) -> bool:
     with suppress(MbdaeError):
-        make.make(values)
+        factory.make(values)
         return True
     return False
 

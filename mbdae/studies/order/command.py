@@ -34,7 +34,7 @@ OUTCOME: dict[str, Any] = {"exit_code": _exit_code, "missing": _missing}
 
 @study_command("T steps", TABLE, PLOT, shared="units", subject=problem_argument, more=[METHODS_OR_ALL], **OUTCOME)
 def order(study: Study, model: ChosenModel, **options: Any) -> Result:
-    """Measure the orders of methods on a model. Exit 1 if one is below its claim, 3 if one cannot be judged.
+    """Measure the orders of methods on a model. Exit 1 if one is below its claim, 3 if one cannot be estimated.
 
     For up to three methods it shows step sizes, errors, and the rates between them. Ctrl-C shows the finished
     methods.

@@ -64,7 +64,7 @@ class GradientStudy(OrderStudy):
 
     @property
     def holds(self) -> bool:
-        """Whether every tangent is exact, and every observed order was judged and reaches its claim."""
+        """Whether every tangent is exact, and every order was estimated and reaches its claim."""
         return super().holds and all(x <= COINCIDENT for x in self.differences.values())
 
     @property
@@ -104,8 +104,8 @@ def check_gradients(
     Args:
         mech: a mechanism, or an argument of `mbdae.load`, with the start of its order study.
         methods: a name or several; all half-explicit and Radau IIA methods when left out.
-        parameter: dotted name of the parameter, as in `mbdae.sensitivity`; when left out, derivatives are those with
-            respect to a start velocity that is compatible with the closures.
+        parameter: dotted name of the parameter, as in `mbdae.sensitivity`; when left out, derivatives are those
+            along a random change of the start velocity that is compatible with the closures.
         T: end time in s; that of the model when left out.
         steps: coarsest number of steps, at least five. From the model file when left out.
         model: factory of the mechanism for values of the parameter; by default its source files.
@@ -145,7 +145,7 @@ def _derivative_units(mech: Mechanism, parameter: str | None, model: object) -> 
 class GradientMeasurement(Measurement):
     """Runs with fixed steps and their derivatives with respect to one parameter."""
 
-    largest = 24_000  # largest number of solves of a run with tangent
+    max_solves = 24_000  # largest number of solves of a run with tangent
 
     def __init__(
         self,

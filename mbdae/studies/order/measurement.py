@@ -37,12 +37,12 @@ class Measurement:
     """Runs with fixed steps, errors at common times, references.
 
     Attributes:
-        largest: largest number of solves in one run.
-        lower: whether to add coarser steps if slopes cannot be judged otherwise.
+        max_solves: largest number of solves in one run.
+        add_coarser_steps: whether to add coarser steps if orders cannot be estimated otherwise.
     """
 
-    largest = LARGEST_RUN
-    lower = False
+    max_solves = LARGEST_RUN
+    add_coarser_steps = False
 
     def __init__(
         self,
@@ -119,7 +119,7 @@ class Measurement:
         if (coarse := self._samples_at_rounding(method)) is not None:
             return coarse
         n, last, last_difference = 16 * self.steps, None, np.inf
-        while n * method.solves <= self.largest // 2:
+        while n * method.solves <= self.max_solves // 2:
             sol = self.run(method, n)
             if sol is not None:
                 current = self.sample(sol)
@@ -163,7 +163,7 @@ class Measurement:
 
     @cached_property
     def gain(self) -> float:
-        """Change of lam per unit residual of the hidden constraint, at the start; used for all slopes."""
+        """Change of lam per unit residual of the hidden constraint, at the start; used for all methods."""
         start = self.problem.point(*self.start)
         return self.system.multiplier_gain(0.0, start, self.system.derivative(0.0, start)[1])
 
@@ -174,25 +174,25 @@ class Measurement:
         return found, len(found) if self.system.nz else len(found) - 2
 
     def judge(self, tableau: Method) -> tuple[ObservedOrder, ...]:
-        """Halve the steps of a method until slopes can be judged, or cannot improve; then add intermediate steps."""
+        """Halve the steps until orders can be estimated, or halving does not help; then add intermediate steps."""
         reference, uncertainty = self.reference(tableau.name)
         samples, stride = self._halve_steps(tableau, reference, uncertainty), 1
-        slopes = self._slopes(tableau, samples, reference, uncertainty)
-        while self.lower and self.steps % (2 * stride) == 0 and self.steps // (2 * stride) >= MIN_OUTPUTS:
-            if all(above(s.errors, s.floors) > REFINEMENTS for s in slopes):
+        orders = self._observed_orders(tableau, samples, reference, uncertainty)
+        while self.add_coarser_steps and self.steps % (2 * stride) == 0 and self.steps // (2 * stride) >= MIN_OUTPUTS:
+            if all(above(s.errors, s.floors) > REFINEMENTS for s in orders):
                 break
             stride *= 2
             reference, *previous = (tuple(x[1::2] for x in found) for found in (reference, *samples.values()))
             samples = dict(zip(samples, previous, strict=True))
             samples = self._add_runs(tableau, [self.steps // stride], stride, samples)
-            slopes = self._slopes(tableau, samples, reference, uncertainty)
+            orders = self._observed_orders(tableau, samples, reference, uncertainty)
         for parts in SUBDIVISIONS:
-            useful = max((above(s.errors, s.floors) for s in slopes if not s.is_conclusive), default=0)
+            useful = max((above(s.errors, s.floors) for s in orders if not s.is_conclusive), default=0)
             between = self.between([*samples][:useful], parts, self.steps // stride)
             ns = [n for n in between if n not in samples]
             samples = self._add_runs(tableau, ns, stride, samples)
-            slopes = self._slopes(tableau, samples, reference, uncertainty) if ns else slopes
-        return slopes
+            orders = self._observed_orders(tableau, samples, reference, uncertainty) if ns else orders
+        return orders
 
     def _halve_steps(
         self, tableau: Method, reference: tuple[Array, ...], uncertainty: Array
@@ -200,10 +200,10 @@ class Measurement:
         """Halve the steps until rates agree or errors are below their floors; return samples by number of steps."""
         samples: dict[int, tuple[Array, ...]] = {}
         n = self.steps
-        while n * tableau.solves <= self.largest:
+        while n * tableau.solves <= self.max_solves:
             if n in (samples := self._add_runs(tableau, [n], 1, samples)):
-                slopes = self._slopes(tableau, samples, reference, uncertainty)
-                if all(done(s.steps, s.errors, s.floors) for s in slopes):
+                orders = self._observed_orders(tableau, samples, reference, uncertainty)
+                if all(done(s.steps, s.errors, s.floors) for s in orders):
                     break
             n *= 2
         return samples
@@ -212,7 +212,7 @@ class Measurement:
         self, tableau: Method, ns: list[int], stride: int, samples: dict[int, tuple[Array, ...]]
     ) -> dict[int, tuple[Array, ...]]:
         """Return samples with those of further runs, coarse steps first; failed and too long runs add none."""
-        runs = {n: self.run(tableau, n) for n in ns if n * tableau.solves <= self.largest}
+        runs = {n: self.run(tableau, n) for n in ns if n * tableau.solves <= self.max_solves}
         new = {n: self.sample(sol, stride) for n, sol in runs.items() if sol is not None}
         return dict(sorted((samples | new).items()))
 
@@ -224,14 +224,14 @@ class Measurement:
         new = [n + n * i // parts for n in ns for i in range(1, parts) if n * (parts + i) % (2 * parts * outputs) == 0]
         return [n for n in new if n not in ns]
 
-    def _slopes(
+    def _observed_orders(
         self,
         tableau: Method,
         samples: dict[int, tuple[Array, ...]],
         reference: tuple[Array, ...],
         uncertainty: Array,
     ) -> tuple[ObservedOrder, ...]:
-        """Return the slope of each judged quantity, from samples by number of steps."""
+        """Return the observed order of each judged quantity, from samples by number of steps."""
         claims, number = self.claims(tableau)
         errors = [self.difference(x, reference) for x in samples.values()]
         floors = [self.floors(tableau, n, reference, uncertainty) for n in samples]
@@ -245,7 +245,7 @@ class Measurement:
                 [f[i] for f in floors],
                 u,
                 changes[i],
-                self.largest,
+                self.max_solves,
                 self.failures.get(tableau.name, ""),
             )
             for i, (q, u) in enumerate(zip(self.names[:number], uncertainty.tolist()[:number], strict=True))

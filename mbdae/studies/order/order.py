@@ -50,13 +50,13 @@ def order(
     mech = problem if isinstance(problem, Mechanism) else None
     settings = mech.order if mech else None
     _, T = checked_span(T if T is not None else (settings.T if settings else problem.duration), end=True)
-    lower, steps = steps is None, steps if steps is not None else (settings.steps if settings else 40)
+    add_coarser_steps, steps = steps is None, steps if steps is not None else (settings.steps if settings else 40)
     if steps < MIN_OUTPUTS:
         raise InputError(f"steps must be at least {MIN_OUTPUTS}, got {steps = }")
     start = mech.assemble(mech.order.q, mech.order.v) if mech and (mech.order.q or mech.order.v) else None
     backend, python_reason = common_backend(problem, [("index2", None)], "auto")
     measure = Measurement(problem, T, steps, start, progress or (lambda name: None), backend)
-    measure.lower = lower
+    measure.add_coarser_steps = add_coarser_steps
     orders, missing = run_until_interrupted(chosen, measure.judge)
     return OrderStudy(problem.title, T, orders, backend, uncompiled(chosen.values(), python_reason), missing,
                       units=quantity_units(mech) if mech else {})  # fmt: skip

@@ -16,10 +16,10 @@ from ...system import Array
 from .result import ObservedOrder
 
 REFINEMENTS, LAST = 4, 2  # refinements to which an order is fitted; the last ones, if rates rise above the claim
-MARGIN = 0.2  # allowed difference of an observed order below the claim
+MARGIN = 0.2  # allowed deficit of an observed order
 ABOVE = 100.0  # multiple of rounding and reference uncertainty above which errors count
 LARGE = 0.1  # fraction of the change of a quantity above which errors are not dominated by the leading order
-CONSTANT = 0.1  # spread of the last slopes below which finer steps are not needed
+CONSTANT = 0.1  # spread of the last rates below which finer steps are not needed
 
 
 def fit(
@@ -30,7 +30,7 @@ def fit(
     floors: list[float],
     uncertainty: float,
     change: float,
-    largest: int,
+    max_solves: int,
     failure: str = "",
 ) -> ObservedOrder:
     """Fit a slope to errors over numbers of steps, coarse ones first, and compare it with the claim.
@@ -44,7 +44,7 @@ def fit(
         counted = f"only {end - 1} refinement{'s' * (end != 2)}" if end else "no error"
         if end == len(ns):
             none = f"no run was completed, {failure}" if failure else "no run was completed"
-            reason = f"{counted} within {largest} solves" if end else none
+            reason = f"{counted} within {max_solves} solves" if end else none
         elif 2 * ABOVE * uncertainty > floors[end]:
             reason = f"{counted} above {ABOVE:g} times the uncertainty of the reference, {uncertainty:.1e}"
         else:
@@ -65,7 +65,7 @@ def fit(
 
 
 def fit_slope(x: Array, y: Array) -> float:
-    """Return the derivative of the straight line through y over x, by least squares."""
+    """Return the slope of the straight line through y over x, by least squares."""
     return float(np.polyfit(x, y, 1)[0])
 
 
@@ -106,8 +106,8 @@ def asymptotic(ns: Sequence[int], errors: Sequence[float]) -> int:
 
 
 def done(ns: Sequence[int], errors: Sequence[float], floors: Sequence[float]) -> bool:
-    """Return whether an error reached its floor, or the slopes of the four finest refinements agree."""
+    """Return whether an error reached its floor, or the rates of the four finest refinements agree."""
     if above(errors, floors) < len(errors):
         return True
-    slopes = rates_between(ns, errors)[-REFINEMENTS:]
-    return len(slopes) == REFINEMENTS and float(np.ptp(slopes)) < CONSTANT
+    rates = rates_between(ns, errors)[-REFINEMENTS:]
+    return len(rates) == REFINEMENTS and float(np.ptp(rates)) < CONSTANT

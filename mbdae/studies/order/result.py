@@ -1,4 +1,4 @@
-"""Result of an order study: a slope for each quantity of each method."""
+"""Result of an order study: an observed order for each quantity of each method."""
 
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -27,12 +27,12 @@ class ObservedOrder:
     Attributes:
         quantity: q, v, own lam (of the method) or lam (hidden constraint); y, own z or z of a textbook problem.
         claimed: the method's claim; 0 if it does not converge.
-        observed: fitted slope, None if it cannot be judged.
-        verdict: ``"holds"`` (observed >= claimed - 0.2), ``"misses"`` or the reason why it cannot be judged.
+        observed: fitted order; None if it cannot be estimated.
+        verdict: ``"holds"`` (observed >= claimed - 0.2), ``"misses"`` or the reason why the order cannot be estimated.
         steps: numbers of steps.
         errors: errors of these runs.
         floors: 100 times the uncertainty and rounding of these runs.
-        fitted: first and last plus one of the errors that the slope is fitted to.
+        fitted: first and last plus one of the errors to which the order is fitted.
     """
 
     quantity: str
@@ -46,7 +46,7 @@ class ObservedOrder:
 
     @property
     def is_conclusive(self) -> bool:
-        """Whether a slope could be fitted."""
+        """Whether an order could be fitted."""
         return self.observed is not None
 
     @property
@@ -89,7 +89,7 @@ class OrderStudy(Tabular):
 
     @property
     def holds(self) -> bool:
-        """Whether every slope was judged and reaches its claim."""
+        """Whether every order was estimated and reaches its claim."""
         return not self.missing and all(s.verdict == "holds" for row in self.orders.values() for s in row)
 
     @property
@@ -99,7 +99,7 @@ class OrderStudy(Tabular):
 
     def to_dict(self) -> JsonObject:
         """Return JSON data."""
-        slopes = {name: [asdict(s) for s in row] for name, row in self.orders.items()}
+        orders = {name: [asdict(s) for s in row] for name, row in self.orders.items()}
         return {
             "title": self.title,
             "T": self.T,
@@ -110,7 +110,7 @@ class OrderStudy(Tabular):
             "holds": self.holds,
             "refuted": self.refuted,
             "missing": list(self.missing),
-            "methods": slopes,
+            "methods": orders,
         }
 
     def cells(self) -> list[list[str]]:
@@ -179,7 +179,7 @@ class OrderStudy(Tabular):
         return "\n".join([super().to_latex(), *tables])
 
     def plot(self, path: str | Path | None = None) -> "Figure":
-        """Draw the errors over the step with the fitted and the claimed slopes; saved if a path is given.
+        """Draw the errors over the step with the fitted and the claimed orders; saved if a path is given.
 
         Raises:
             InputError: for a format other than .png, .svg, .pdf or .pgf, or an unwritable path.

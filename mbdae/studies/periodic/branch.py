@@ -32,8 +32,8 @@ from .periodic import (
 )
 from .result import Bifurcation, BranchMotion, multiplier_text
 from .returns import points_of
-from .shooting.cycle import Cycle, ShootingEquations
 from .shooting.newton import newton, require_motion
+from .shooting.shooting_equations import Cycle, ShootingEquations
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -217,19 +217,19 @@ def periodic_branch(
     require_period_of_functions(found)
     require_second_period(found)
     require_same_period(found, other, name)
-    begin = path.point(found, None)
-    if cycle.autonomous and any(x.name == "energy" for x in begin.motion.neutral):
+    first_point = path.point(found, None)
+    if cycle.autonomous and any(x.name == "energy" for x in first_point.motion.neutral):
         raise InputError(
-            f"the motion keeps its energy, and for each {name!r} motions of any energy are periodic: there is no single"
-            " branch; add damping and a drive, or call mbdae.periodic for each value"
+            f"the motion conserves its energy, and for each {name!r} motions of any energy are periodic: there is no"
+            " single branch; add damping and a drive, or call mbdae.periodic for each value"
         )
-    points, bifurcations, message = path.run(begin)
+    points, bifurcations, message = path.run(first_point)
     unit = parameter_units(factory, [name]).get(name, "")
     return Branch(name, tuple(points), tuple(bifurcations), message, path, unit)
 
 
 def require_same_directions(cycle: Cycle, q: Array, other: Mechanism, name: str) -> None:
-    """Require that motions of all bodies have the same directions for another value of the parameter.
+    """Require that symmetries that move bodies have the same directions for another value of the parameter.
 
     Raises:
         InputError: names a symmetry whose direction changes.

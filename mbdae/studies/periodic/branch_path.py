@@ -1,7 +1,7 @@
 """Continuation of periodic motions over a parameter.
 
-The equations of shooting rho(x, T, sigma, p) = 0 (`mbdae.studies.periodic.shooting.cycle`) are a curve
-of unit tangent tau,
+The equations of shooting rho(x, T, sigma, p) = 0 (`mbdae.studies.periodic.shooting.shooting_equations`) define a curve
+with unit tangent tau,
 
     A tau = 0,   predictor h tau,   corrector [A; tau^T] dz = [-rho; 0]
 
@@ -34,9 +34,9 @@ from .grazing import GrazingMonitor
 from .motion import motion_of
 from .period import period_of_functions
 from .result import Bifurcation, BranchMotion
-from .shooting.cycle import Cycle, Guess, ShootingEquations
 from .shooting.exchange import Exchange
 from .shooting.flow import Flow
+from .shooting.shooting_equations import Cycle, Guess, ShootingEquations
 
 FIRST_STEP, MAX_STEP, MIN_STEP = 0.02, 0.1, SMALLEST_PART  # in rad, characteristic lengths, fractions of the range
 MAX_POINTS, MAX_CORRECTIONS, MAX_HALVINGS, GROWTH, MIN_COSINE = 500, 8, 10, 1.5, 0.9
@@ -121,7 +121,7 @@ class BranchPath:
         return period_of_functions(self.factory.make({**self.constants, self.over.name: value}))
 
     def scales(self, at: ShootingEquations) -> Array:
-        """Return the units of the unknowns: 1, T, 1, and the range of the parameter."""
+        """Return the scales of the unknowns: 1, T, 1, and the range of the parameter."""
         out = np.ones(at.matrix.shape[1])
         if at.cycle.unknown_period:
             out[at.n * at.cycle.segments] = at.guess.T
@@ -136,10 +136,10 @@ class BranchPath:
         if direction is None:
             direction = np.eye(len(x))[-1]
         x *= 1.0 if x @ direction >= 0 else -1.0
-        return BranchMotion(value, motion_of(at), self.physical(at, x))
+        return BranchMotion(value, motion_of(at), self.tangent_at_nodes(at, x))
 
-    def physical(self, at: ShootingEquations, x: Array) -> tuple[Array, Array]:
-        """Return a tangent as derivatives of the nodes, (k, ny), and of the remaining unknowns in their units."""
+    def tangent_at_nodes(self, at: ShootingEquations, x: Array) -> tuple[Array, Array]:
+        """Return a tangent as derivatives of the nodes, (k, ny), and of the remaining unknowns, (m,)."""
         k, n = at.cycle.segments, at.n
         nodes = np.array([lift @ x[i * n : (i + 1) * n] for i, lift in enumerate(at.lifts)])
         return nodes, x[n * k :]
@@ -156,13 +156,13 @@ class BranchPath:
 
     def step(self, start: BranchMotion, h: float) -> BranchMotion | None:
         """Return the point after a step of length h; None if it fails, or the tangent turns too much."""
-        found = self.across(start, h)
+        found = self.point_on_plane(start, h)
         if found is None:
             return None
         at = found.motion.shooting
         return found if self.transport_tangent(at, start) @ self.transport_tangent(at, found) >= MIN_COSINE else None
 
-    def across(self, start: BranchMotion, h: float) -> BranchMotion | None:
+    def point_on_plane(self, start: BranchMotion, h: float) -> BranchMotion | None:
         """Return the point of the branch on the normal plane at distance h along the tangent; None if it fails."""
         at = start.motion.shooting
         try:
@@ -187,11 +187,11 @@ class BranchPath:
         return self.point(at, before) if at.size <= self.tolerance else None
 
     def run(self, first: BranchMotion, h: float = FIRST_STEP) -> tuple[list[BranchMotion], list[Bifurcation], str]:
-        """Follow a branch from a point to the end of the range; return points, bifurcations and why it ended before."""
+        """Follow a branch from a point to the end of the range; return points, bifurcations and why it ended early."""
         start, points, found, monitor = first, [first], list[Bifurcation](), GrazingMonitor(first)
         low, high = sorted(self.over[1:])
         while len(points) < MAX_POINTS:
-            end = (self.across if monitor.passing else self.step)(start, h)
+            end = (self.point_on_plane if monitor.passing else self.step)(start, h)
             if end is None:
                 h /= 2
                 if h < MIN_STEP:
@@ -215,7 +215,7 @@ class BranchPath:
         self, start: BranchMotion, h: float, value: Callable[[BranchMotion], float]
     ) -> tuple[float, BranchMotion]:
         """Return the step length at a sign change of a value, and the point."""
-        return locate(self.across, start, h, value, "periodic motions")  # `step` would reject h at a corner
+        return locate(self.point_on_plane, start, h, value, "periodic motions")  # `step` would reject h at a corner
 
     def bifurcations(self, start: BranchMotion, end: BranchMotion, h: float) -> list[Bifurcation]:
         """Return the bifurcations of a step, in order."""
@@ -255,10 +255,10 @@ class BranchPath:
         pairs = zip(double.charts, double.guess.nodes, flips, strict=True)
         along[: 2 * k * base.n] = np.concatenate([c.coordinate_tangents(y, dy[:, None])[:, 0] for c, y, dy in pairs])
         along /= np.linalg.norm(along)
-        first = BranchMotion(at.value, motion_of(double), self.physical(double, along))
+        first = BranchMotion(at.value, motion_of(double), self.tangent_at_nodes(double, along))
         low, high = sorted(self.over[1:])
         for _ in range(MAX_HALVINGS):
-            start = self.across(first, h)  # the parameter changes by O(h^2)
+            start = self.point_on_plane(first, h)  # the parameter changes by O(h^2)
             if start and low <= start.value <= high:
                 points, found, message = self.run(start)
                 return [first, *points], found, message

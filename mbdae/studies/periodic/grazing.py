@@ -28,7 +28,7 @@ FRACTION, IMPACT_FRACTION = 0.9, 0.5  # next step over the distance to a zero; d
 EXTRAPOLATION_RANGE, IMPACT_RANGE = INTERPOLATION, THREE_DIGITS  # distance at which a zero is extrapolated
 POINTS = 4  # number of points from which the parameter at a zero is extrapolated
 KNOWN_TIMES = ("command", "speed step")  # guards that are functions of time
-SPEEDS = ("impact", "crossing speed")  # margins with a square root of the parameter
+SPEEDS = ("impact", "crossing speed")  # margins that vary with the square root of the parameter
 EVENT_KINDS = ("event", "crossing speed", "condition")  # margins of user-defined events
 
 
@@ -36,7 +36,7 @@ class Margin(NamedTuple):
     """A margin of a motion.
 
     Attributes:
-        name: name of the stop, contact or joint.
+        name: name of the stop, contact, joint or event.
         kind: ``"impact"``, the kind of the guard, ``"event"``, ``"crossing speed"`` or ``"condition"``.
         value: impulse in N s or N m s; else the value of the guard or signal in its unit.
     """
@@ -106,7 +106,7 @@ def _nearest_zero(before: Sequence[Margin], after: Sequence[Margin]) -> tuple[fl
     return min(steps, default=(np.inf, None))
 
 
-class Segment(NamedTuple):
+class RunStep(NamedTuple):
     """A step of a run, from node i, in a mode."""
 
     run: Solution
@@ -118,22 +118,22 @@ def margins(motion: PeriodicMotion) -> list[Margin]:
     """Return the margins of a motion: those of impacts, then those of guards between events, in order of time."""
     if not (motion.mechanism.switches or motion.mechanism.resets):
         return []
-    hits = [pair for run in motion.runs for x in run.impacts for pair in zip(x.where, x.impulse, strict=True)]
-    out = [Margin(name, "impact", abs(impulse)) for name, impulse in hits]
+    impacts = [pair for run in motion.runs for x in run.impacts for pair in zip(x.where, x.impulse, strict=True)]
+    out = [Margin(name, "impact", abs(impulse)) for name, impulse in impacts]
     for chain in _chains(motion.runs):
         out += _least_values(motion, chain)
     out += [Margin(*x) for x in ResetMargins(motion.mechanism.system()).at_events(motion.runs)]
     return out
 
 
-def _chains(runs: Sequence[Solution]) -> list[list[Segment]]:
+def _chains(runs: Sequence[Solution]) -> list[list[RunStep]]:
     """Return the steps of a period in chains between events, with one mode each; the period is cyclic."""
-    out: list[list[Segment]] = [[]]
+    out: list[list[RunStep]] = [[]]
     for run, (i, h) in ((x, step) for x in runs for step in enumerate(np.diff(x.nodes[0]))):
         if not h or (out[-1] and run.mode(i) != out[-1][-1].mode):
             out.append([])
         if h:
-            out[-1].append(Segment(run, i, run.mode(i)))
+            out[-1].append(RunStep(run, i, run.mode(i)))
     chains = list(filter(None, out))
     if len(chains) == 1:
         return [[*chains[0], *chains[0][:1]]]
@@ -142,12 +142,12 @@ def _chains(runs: Sequence[Solution]) -> list[list[Segment]]:
     return chains
 
 
-def _least_values(motion: PeriodicMotion, chain: list[Segment]) -> Iterator[Margin]:
+def _least_values(motion: PeriodicMotion, chain: list[RunStep]) -> Iterator[Margin]:
     """Yield the least values of guards inside a chain of steps."""
     system, mode, flow = motion.mechanism.system(), chain[0].mode, motion.shooting.flow
     system.enter(mode)
     all_rows, resets = AllRows(system), ResetMargins(system)
-    points = [_node(segment.run, segment.i) for segment in chain] + [_node(chain[-1].run, chain[-1].i + 1)]
+    points = [_node(run_step.run, run_step.i) for run_step in chain] + [_node(chain[-1].run, chain[-1].i + 1)]
 
     def value(guard: Guard, t: float, y: Array) -> float:
         return guard.value(ModePoint(system, all_rows, t, y))
@@ -157,11 +157,11 @@ def _least_values(motion: PeriodicMotion, chain: list[Segment]) -> Iterator[Marg
         for j in _lowest(values):
 
             def dense(x: float, guard: Guard = guard, j: int = j) -> float:
-                segment, t = _time(chain, j, x)
-                return value(guard, t, next(iter(segment.run.points(np.array([t])))))
+                run_step, t = _time(chain, j, x)
+                return value(guard, t, next(iter(run_step.run.points(np.array([t])))))
 
-            segment, t = _time(chain, j, float(minimize_scalar(dense, bounds=(0.0, 2.0), method="bounded").x))
-            start = _node(segment.run, segment.i)
+            run_step, t = _time(chain, j, float(minimize_scalar(dense, bounds=(0.0, 2.0), method="bounded").x))
+            start = _node(run_step.run, run_step.i)
             end = flow.run(*start, t - start[0], None).y[-1] if t > start[0] else start[1]
             if guard.kind != "event" or resets.holds(guard.name, t, end):
                 yield Margin(guard.name, guard.kind, value(guard, t, end))
@@ -183,8 +183,8 @@ def _node(run: Solution, i: int) -> tuple[float, Array]:
     return float(run.nodes[0][i]), run.nodes[1][i]
 
 
-def _time(chain: list[Segment], j: int, x: float) -> tuple[Segment, float]:
+def _time(chain: list[RunStep], j: int, x: float) -> tuple[RunStep, float]:
     """Return the step and the time at a distance x in steps, 0 to 2, from the start of step j - 1."""
-    segment, fraction = (chain[j - 1], x) if x < 1 else (chain[j], x - 1)
-    first, last = segment.run.nodes[0][segment.i : segment.i + 2].tolist()
-    return segment, first + fraction * (last - first)
+    run_step, fraction = (chain[j - 1], x) if x < 1 else (chain[j], x - 1)
+    first, last = run_step.run.nodes[0][run_step.i : run_step.i + 2].tolist()
+    return run_step, first + fraction * (last - first)

@@ -13,9 +13,9 @@ from ...solution.solution import Solution
 from ...system import Array
 from .period import is_autonomous, period_of_functions
 from .returns import points_of
-from .shooting.cycle import Cycle, Guess
 from .shooting.exchange import Exchange
 from .shooting.flow import Flow
+from .shooting.shooting_equations import Cycle, Guess
 
 MAX_EVENTS = 9  # number of events at the start of a run among which the longest interval is selected
 
@@ -30,7 +30,7 @@ def guess_of(
     segments: int | None,
     joints: Mapping[str, str] | None = None,
 ) -> tuple[Cycle, Guess]:
-    """Return the kind of a motion and its initial guess; symmetries are detected unless they are named.
+    """Return the definition of a motion and its initial guess; symmetries are detected unless they are named.
 
     Raises:
         InputError: without an estimate of the period, or for wrong values.

@@ -7,8 +7,8 @@ import numpy as np
 from ...system import Array
 from ...tolerances import HALF_DIGITS, SAME_STATE
 from .result import PeriodicMotion, UnitMultiplier
-from .shooting.cycle import ShootingEquations
 from .shooting.multipliers import on_quotient, periodic_eigenvalues
+from .shooting.shooting_equations import ShootingEquations
 
 
 def motion_of(found: ShootingEquations) -> PeriodicMotion:

@@ -17,9 +17,9 @@ from .motion import motion_of
 from .period import has_period, is_autonomous
 from .result import PeriodicMotion
 from .returns import CycleStart, points_of, start_from_run
-from .shooting.cycle import Cycle, Guess, ShootingEquations
 from .shooting.flow import Flow
 from .shooting.newton import newton, require_motion
+from .shooting.shooting_equations import Cycle, Guess, ShootingEquations
 
 __all__ = ["periodic"]
 
@@ -77,8 +77,8 @@ def periodic(
     flow = Flow(mech, Parameters(lambda values: mech, {}), run_options(mech, method, rtol))
 
     def motion_from(start: CycleStart) -> PeriodicMotion:
-        kind = guess_of(flow, start.y, start.T, start.t, section, start.symmetries, segments, exchange)
-        return solve_from_guess(flow, kind, rtol)
+        guessed = guess_of(flow, start.y, start.T, start.t, section, start.symmetries, segments, exchange)
+        return solve_from_guess(flow, guessed, rtol)
 
     if isinstance(model, Solution):
         return motion_from(start_from_run(model, T, symmetry))
@@ -122,13 +122,13 @@ def start_point(mech: Mechanism, q: Any, v: Any, s: Array | None) -> Array:
     return mech.point(q, v, s=s)
 
 
-def solve_from_guess(flow: Flow, kind: tuple[Cycle, Guess], rtol: float) -> PeriodicMotion:
+def solve_from_guess(flow: Flow, guessed: tuple[Cycle, Guess], rtol: float) -> PeriodicMotion:
     """Return the periodic motion close to a guess.
 
     Raises:
         InputError: if none is found.
     """
-    cycle, guess = kind
+    cycle, guess = guessed
     found = newton(ShootingEquations(flow.mechanism.system(), flow, cycle, guess), GAP * rtol)
     require_motion(found)
     require_period_of_functions(found)
@@ -158,7 +158,7 @@ def require_second_period(found: ShootingEquations) -> None:
     """Require that a motion whose joints were exchanged at the end of a period returns to its start after the next one.
 
     Raises:
-        InputError: if the exchange is no symmetry of the mechanism.
+        InputError: if the exchange is not a symmetry of the mechanism.
     """
     P, mech = found.cycle.exchange, found.flow.mechanism
     if not P:
@@ -169,4 +169,4 @@ def require_second_period(found: ShootingEquations) -> None:
     q0, q1, q2 = found.guess.nodes[0][: mech.nq], middle.q[-1], second.q[-1]
     steps = [mech.manifold.difference(P.apply(b), a) / mech.coordinate_scales for a, b in ((q0, q1), (q1, q2))]
     if np.abs(steps[1] - steps[0]).max() > VISIBLE:
-        raise InputError("the exchange of joints is no symmetry: the motion does not continue with exchanged joints")
+        raise InputError("the exchange of joints is not a symmetry: the motion does not continue with exchanged joints")

@@ -18,7 +18,7 @@ from ...tabular import Columns, Tabular
 from ...tolerances import HALF_DIGITS
 from ...units import quantity
 from .section import section_of
-from .shooting.cycle import ShootingEquations
+from .shooting.shooting_equations import ShootingEquations
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,7 +54,7 @@ class PeriodicMotion(Tabular):
         neutral: neutral multipliers with their errors.
         advances: displacements along symmetries over a period, by name, in rad or m.
         shifts: shifts of joints by full turns or tooth pitches over a period, by name, in rad or m.
-        gap: largest relative distance of the end of the period from its start, in rad and characteristic lengths.
+        gap: largest relative distance of the end of a segment from the next node, in rad and characteristic lengths.
         runs: one run for each segment of the period.
         shooting: the equations at the solution.
     """
@@ -169,7 +169,7 @@ class PeriodicMotion(Tabular):
         return Columns({name: np.concatenate([table[name] for table in tables]) for name in units}, units, "t")
 
     def plot(self, path: str | Path | None = None) -> "Figure":
-        """Draw one period in the phase plane, and the multipliers at the unit circle; optionally saved.
+        """Draw one period in the phase plane, and the multipliers with the unit circle; optionally saved.
 
         Raises:
             InputError: for another format, or an unwritable path.
@@ -205,7 +205,7 @@ class BranchMotion(NamedTuple):
     Attributes:
         value: value of the parameter.
         motion: the periodic motion.
-        tangent: tangent of the branch: of the nodes, (k, ny), then of T, sigma and the parameter.
+        tangent: tangent of the branch: derivatives of the nodes, (k, ny), and of T, sigma and the parameter, (m,).
     """
 
     value: float
@@ -221,7 +221,7 @@ class Bifurcation:
         kind: ``"fold"``, ``"doubling"``, ``"neimark-sacker"``, ``"branch"`` or ``"grazing"``.
         value: value of the parameter.
         motion: the periodic motion at the bifurcation; for grazing one close to it, which has derivatives.
-        grazed: the stop, contact or joint whose guard has a double zero.
+        grazed: the stop, contact, joint or event whose guard has a double zero.
     """
 
     kind: str

@@ -108,7 +108,7 @@ def _last_return(sol: Solution, names: Sequence[str]) -> float:
     least = min(best, default=(np.inf,))[0]
     if least > CLOSE_RETURN * size.max():
         raise InputError(
-            f"the run of {sol.t[-1] - sol.t[0]:.6g} s does not come back to where it ends: give an estimate of the"
+            f"the run of {sol.t[-1] - sol.t[0]:.6g} s does not return to its final state: give an estimate of the"
             " period, T, or a section, or a longer run that has settled"
         )
     latest = max(t for separation, t in best if separation <= 2 * least + INPUT_DIGITS * size.max())

@@ -33,7 +33,7 @@ def section_of(mech: Mechanism, runs: Sequence[Solution]) -> str:
 
 
 def _crosses_once(above: np.ndarray, returns: bool) -> bool:
-    """Return whether values that rise from zero at the start of a period do so only once, if they end at zero."""
+    """Return whether values rise through zero only at the start of a period; ``returns``: whether they end at zero."""
     inside = above[1:-1]
     rises = np.count_nonzero((inside[:-1] <= 0) & (inside[1:] > 0))
     return bool(not rises and (not returns or (inside < 0).any()))

@@ -89,7 +89,7 @@ def _orders(report: "Report") -> str:
         for (name, *cells), row in zip(body, study.orders.values(), strict=True)
     ]
     end = quantity(study.T, "s", "g")
-    caption = f"Observed (claimed) orders with fixed steps, T = {end}; a slope may be 0.2 below its claim"
+    caption = f"Observed (claimed) orders with fixed steps, T = {end}; an observed order may be 0.2 below its claim"
     remarks = elements().note("; ".join(study.remarks()))
     return elements().captioned(caption, [headers, *rows]) + remarks + image(convergence(study), "convergence")
 

@@ -191,7 +191,7 @@ class _Study:
         return [v.method for v in self.chosen if not v.prefix and v.name not in SOLVERS]
 
     def measure_orders(self) -> None:
-        """Observe the orders of methods."""
+        """Measure the orders of methods."""
         if self.order_methods:
             report_progress = self.report_progress
             self.orders = order(

@@ -39,14 +39,14 @@ class VaryingParameters:
     """Parameters of runs that differ in their values: bound for the first run, then written in place where possible.
 
     Args:
-        make: factory of the mechanisms.
+        factory: factory of the mechanisms.
 
     Attributes:
         bound: number of times that parameters were bound: once more for each run whose values change directions.
     """
 
-    def __init__(self, make: MechanismFactory) -> None:
-        self.make, self.bound = make, 0
+    def __init__(self, factory: MechanismFactory) -> None:
+        self.factory, self.bound = factory, 0
         self._last: Trajectory | None = None
 
     def trajectory(self, sol: Solution, values: Mapping[str, float]) -> Trajectory:
@@ -60,7 +60,7 @@ class VaryingParameters:
             if parameters and parameters.write(values):
                 _require_directions(parameters, sol)
             else:
-                parameters, self.bound = bind_parameters(sol, values, self.make), self.bound + 1
+                parameters, self.bound = bind_parameters(sol, values, self.factory), self.bound + 1
             self._last = Trajectory(sol, parameters)
         return self._last
 
@@ -133,19 +133,19 @@ def _cached_parameters(sol: Solution, names: Names, model: Model) -> Parameters:
     return parameters
 
 
-def _bound(sol: Solution, names: Names, make: MechanismFactory) -> Parameters:
-    values, mech, (ts, ys) = named_values(make, names), sol.mechanism, sol.nodes[:2]
-    from_file = isinstance(make, Template) and not isinstance(names, Mapping)
+def _bound(sol: Solution, names: Names, factory: MechanismFactory) -> Parameters:
+    values, mech, (ts, ys) = named_values(factory, names), sol.mechanism, sol.nodes[:2]
+    from_file = isinstance(factory, Template) and not isinstance(names, Mapping)
     cuts = np.cumsum([mech.nq, mech.nv, len(mech.states)])
     indices = np.linspace(0, len(ts) - 1, CHECKS).round().astype(int)
     points = [(i, *np.split(ys[i], cuts)[:3]) for i in np.unique(indices).tolist()]
     along = [(float(ts[i]), q, v, s, sol.mode(i)) for i, q, v, s in points]
-    parameters = Parameters(make.make, values, backend.load(), are_defaults=from_file, along=along)
+    parameters = Parameters(factory.make, values, backend.load(), are_defaults=from_file, along=along)
     _require_same_structure(mech, parameters.mech)
     return parameters
 
 
-def named_values(make: MechanismFactory, names: Names) -> dict[str, float]:
+def named_values(factory: MechanismFactory, names: Names) -> dict[str, float]:
     """Return the parameters by name, with their values.
 
     Raises:
@@ -160,12 +160,12 @@ def named_values(make: MechanismFactory, names: Names) -> dict[str, float]:
         if name in name_list[:i]:
             raise InputError(f"parameter {name!r} is named twice")
     if isinstance(names, Mapping):
-        if isinstance(make, FunctionFactory):
-            make.check(names)
+        if isinstance(factory, FunctionFactory):
+            factory.check(names)
         return {name: _value(name, value) for name, value in names.items()}
-    if not isinstance(make, Template):
+    if not isinstance(factory, Template):
         raise InputError("the parameters of a function that makes a mechanism are given as name = value")
-    return {name: parameter_value(make, name) for name in name_list}
+    return {name: parameter_value(factory, name) for name in name_list}
 
 
 def scaled(given: Any, default: Mapping[str, float]) -> Array:
@@ -173,7 +173,7 @@ def scaled(given: Any, default: Mapping[str, float]) -> Array:
 
     Raises:
         UnknownNameError: for an unknown parameter.
-        InputError: for a size that is not a positive number.
+        InputError: for a scale that is not a positive number.
     """
     require(given if given is not None else {}, Mapping, "scales are a table, name = size")
     for name, x in (given or {}).items():

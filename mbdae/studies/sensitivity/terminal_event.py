@@ -20,7 +20,7 @@ WIDTH = 1e-3  # width of difference quotients of event functions, in rad, charac
 
 @dataclass(frozen=True)
 class EventTimeDerivative:
-    """The last step, which ends in an event e(t, y, p) = 0, and derivatives with respect to the step size.
+    """The last step, which ends in an event e(t, y, p) = 0, and the partial derivatives of e.
 
     Attributes:
         parts: parts of the step.

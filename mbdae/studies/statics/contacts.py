@@ -48,7 +48,7 @@ class Contacts:
         return self.signs * self.all_rows(self.t, q)[0][self.rows] / self.mech.row_scales[self.rows]
 
     def normal_forces(self, lam: Array) -> Array:
-        """Return the normal forces in N, or N m, positive under pressure, (k,); 0 for open contacts."""
+        """Return the normal forces in N, or N m, positive in compression, (k,); 0 for open contacts."""
         return self.signs * lam[self.rows]
 
     def mode(self, closed: set[int]) -> Mode:

@@ -1,6 +1,6 @@
 """Continuation of an equilibrium over a load factor.
 
-With the forces f + (p - 1) f_load, p the factor on the load, rho(y, p) = 0 is a curve of tangent tau,
+With the forces f + (p - 1) f_load, p the factor on the load, rho(y, p) = 0 defines a curve with tangent tau,
 
     [H  -Z^T f_load] tau = 0,   predictor q (+) h Z tau_y, p + h tau_p,   corrector [H  -Z^T f_load; tau^T] x = [rho; 0]
 
@@ -114,18 +114,20 @@ class Continuation:
         """Return the point at which a contact has changed."""
         kind, name = "contact" if k in self.mode.closed else "separation", self.mode.contacts.switches[k].name
         reverses = after is not None and after.du * before.du < 0
-        return self._point(kind, after or before, np.empty((0, len(self.l))))._replace(contact=name, reverses=reverses)
+        found = self._critical_point(kind, after or before, np.empty((0, len(self.l))))
+        return found._replace(contact=name, reverses=reverses)
 
     def critical(self, point: PathPoint, after: PathPoint, h: float) -> list[tuple[PathPoint, CriticalPoint]]:
         """Return the critical points of a step, in order."""
         if after.du * point.du < 0:
             root = self.locate_zero(point, h, lambda p: p.du)[1]
-            return [(root, self._point("limit", root, root.dq[None] / np.linalg.norm(root.balance.free.U @ root.dq)))]
+            shape = root.dq[None] / np.linalg.norm(root.balance.free.U @ root.dq)
+            return [(root, self._critical_point("limit", root, shape))]
         if point.curvature is None or after.curvature is None:
             if after.sign * point.sign > 0:
                 return []
             root = self.locate_zero(point, h, lambda p: p.sign)[1]
-            return [(root, self._point("branch", root, root.balance.free.Z[:, :0].T))]
+            return [(root, self._critical_point("branch", root, root.balance.free.Z[:, :0].T))]
         return self._branches(point, after, h)
 
     def _branches(self, point: PathPoint, next_point: PathPoint, h: float) -> list[tuple[PathPoint, CriticalPoint]]:
@@ -142,11 +144,12 @@ class Continuation:
         while roots:
             branch_point = roots[0][1]
             m = sum(abs(other.u - branch_point.u) <= SAME_STATE for _, other in roots)
-            out.append((branch_point, self._point("branch", branch_point, buckling_shapes(branch_point, m, regular))))
+            shapes = buckling_shapes(branch_point, m, regular)
+            out.append((branch_point, self._critical_point("branch", branch_point, shapes)))
             roots = roots[m:]
         return out
 
-    def _point(self, kind: str, point: PathPoint, shapes: Array) -> CriticalPoint:
+    def _critical_point(self, kind: str, point: PathPoint, shapes: Array) -> CriticalPoint:
         factor = float(self.first + self.span * point.u)
         return CriticalPoint(kind, factor, point.balance.q, shapes, reverses=kind == "limit")
 

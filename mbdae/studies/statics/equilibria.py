@@ -26,7 +26,7 @@ from ..kinematics.driven_mechanism import driven_mechanism, omitted_elements, re
 from ..kinematics.kinematics import kinematics
 from ..kinematics.result import Kinematics
 from .contacts import Contacts
-from .equilibrium import Equilibrium, velocities, velocity_labels
+from .equilibrium import Equilibrium, velocity_indices, velocity_labels
 from .stability import verdict
 from .trust_region import TrustRegion
 
@@ -70,7 +70,7 @@ def equilibria(
     if bending := [name for name in mode_joints(mech.model) if name not in locked]:
         text = f"flexible bodies leave more than one degree of freedom: hold {', '.join(bending)}"
         raise InputError(f"{text}, or find an equilibrium in which they deform by mbdae.equilibrium")
-    fixed = np.array([i for name in locked for i in velocities(mech, name)], int)
+    fixed = np.array([i for name in locked for i in velocity_indices(mech, name)], int)
     contacts, v, names = Contacts(mech, 0.0), np.zeros(mech.nv), velocity_labels(mech, fixed)
     statics = Statics(mech, 0.0, v, fixed, mode=contacts.mode(set()))
     s0 = np.array(list(mech.states.values()))
@@ -100,12 +100,12 @@ def _require_branch(statics: Statics, drive: str, hold: tuple[str, ...], s0: Arr
     Raises:
         InputError: with the reason; and as `mbdae.kinematics` does for the start pose.
     """
-    mech, begin = statics.mech, start_configuration(statics.mech)
-    driven = driven_mechanism(mech, drive, hold, begin)
-    if statics.point(begin, s0).free.Z.shape[1]:  # the same in all regular poses
+    mech, start = statics.mech, start_configuration(statics.mech)
+    driven = driven_mechanism(mech, drive, hold, start)
+    if statics.point(start, s0).free.Z.shape[1]:  # the same in all regular poses
         return
     locked = [d.joint or d.name for d in driven.drivers[:-1]]
-    require_one_dof(driven, driven.system(), begin, drive, locked, omitted_elements(mech))
+    require_one_dof(driven, driven.system(), start, drive, locked, omitted_elements(mech))
     raise InputError(f"{_reason_prescribed(mech, drive)}: there is no branch of equilibria over it")
 
 
@@ -129,7 +129,7 @@ def _circuits(first: Kinematics, span: tuple[float, float] | None, hold: tuple[s
     for u in (start.u, *inputs.tolist()):
         try:
             found = start if u == start.u else assembly_modes(mech, drive, u, hold=hold)
-        except InputError:  # the mechanism cannot reach this input
+        except InputError:  # the mechanism does not assemble at this input
             continue
         for warning in found.warnings:
             warnings.warn(f"equilibria over {drive!r}: {warning}", stacklevel=3)

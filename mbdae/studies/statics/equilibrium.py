@@ -199,9 +199,9 @@ def equilibrium(
 ) -> Equilibrium:
     """Find an equilibrium, 0 = f(t, q, v, s) + G^T lam, 0 = g(t, q), 0 = h(t, q, v, s), from a configuration.
 
-    By a trust region over the free motions that needs no potential, so that controllers, motors and follower forces are
-    allowed. States such as currents and integrators are determined, too; an integrator requires its reference value.
-    Drivers are frozen at time t. Stops, ropes and planes support the mechanism by unilateral forces.
+    The search is a trust region over the free motions and needs no potential, so that controllers, motors and follower
+    forces are allowed. States such as currents and integrators are determined, too; an integrator requires its
+    reference value. Drivers are frozen at time t. Stops, ropes and planes support the mechanism by unilateral forces.
 
     With speeds it is a relative equilibrium: coordinates with a constant speed must be cyclic (the shaft of a
     governor); the torques that sustain the speeds are reported.
@@ -222,7 +222,7 @@ def equilibrium(
         EquilibriumError: if no equilibrium is found; with the smallest residual and its joint.
         InputError: for a wrong argument, or speeds that are not steady.
         UnknownNameError: for a joint that does not exist.
-        AssemblyError: if the start cannot be closed.
+        AssemblyError: if the start cannot be assembled.
 
     Source: Conn, Gould, Toint, Trust-Region Methods (2000), chapter 7.
     """
@@ -253,7 +253,7 @@ def complete_arguments(
     else:
         speeds = np.zeros(mech.nv) if v is None else mech.vector("v", v, mech.nv)
         moving = np.flatnonzero(speeds)
-    fixed = [i for name in as_list(hold, "hold is a list of joints") for i in velocities(mech, name)]
+    fixed = [i for name in as_list(hold, "hold is a list of joints") for i in velocity_indices(mech, name)]
     locked = np.unique(np.array([*fixed, *moving], int))
     return start, speeds, locked, velocity_labels(mech, locked)
 
@@ -280,7 +280,7 @@ def require_time(t: object) -> None:
         raise InputError(f"t is a time in s, got {t!r:.60}")
 
 
-def velocities(mech: Mechanism, name: str) -> range:
+def velocity_indices(mech: Mechanism, name: str) -> range:
     """Return the indices of a joint in v.
 
     Raises:
@@ -293,5 +293,5 @@ def velocities(mech: Mechanism, name: str) -> range:
 def velocity_labels(mech: Mechanism, indices: Array) -> list[str]:
     """Return names of velocities: the joint, with the number of the coordinate if it has several."""
     joints = [mech.coordinate_joint(int(i)) for i in indices]
-    spans = [velocities(mech, name) for name in joints]
+    spans = [velocity_indices(mech, name) for name in joints]
     return [n if len(at) == 1 else f"{n}.{i - at[0] + 1}" for n, at, i in zip(joints, spans, indices, strict=True)]

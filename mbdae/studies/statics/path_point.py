@@ -45,9 +45,9 @@ class PathPoint(NamedTuple):
     """A point of a path.
 
     Attributes:
-        u: the fraction of the factor's range.
+        u: fraction of the factor's range.
         balance: the force balance.
-        dq, du: tangent of the path.
+        dq, du: tangent of the path, (nv,) and in the fraction u.
         curvature: eigenvalues of H and their signs; None for forces without a potential.
         sign: sign of the determinant of the corrector's matrix.
     """

@@ -65,7 +65,7 @@ def _motions(n: int, kind: str) -> str:
 def verdict(statics: Statics, balance: ForceBalance) -> Verdict:
     """Assess the stability of an equilibrium.
 
-    By the stiffness if forces have a potential and velocities only dissipate (Kelvin, Tait, Chetaev); by the
+    The stiffness decides if forces have a potential and velocities only dissipate (Kelvin, Tait, Chetaev); the
     eigenvalues of the linearized motion for controllers with states, forces without a potential, or gyroscopic terms.
     """
     w = symmetric_part(balance.H)[0]

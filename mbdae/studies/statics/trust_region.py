@@ -1,8 +1,8 @@
 """Search for an equilibrium by a trust region in free motions, without a potential.
 
-y = (H + sigma Z^T Z)^-1 rho with the least sigma >= 0 for which that is positive definite and |Z y| stays within the
-radius; a step is taken when the trapezoidal work (f + f_new) . x / 2, x = q_new (-) q, exceeds a tenth of the
-work predicted by the partials. That serves controllers, constant torques and follower forces as well as springs.
+y = (H + sigma Z^T Z)^-1 rho with the least sigma >= 0 for which the matrix is positive definite and |Z y| stays within
+the radius; a step is taken when the trapezoidal work (f + f_new) . x / 2, x = q_new (-) q, exceeds a tenth of the work
+predicted by the partials. That serves controllers, constant torques and follower forces as well as springs.
 Source: Conn, Gould, Toint, Trust-Region Methods (2000), chapter 7, for the step.
 """
 
@@ -22,8 +22,8 @@ from ...system import Array
 if TYPE_CHECKING:
     from ...mechanism.equilibrium.equilibrium_equations import ForceBalance, Statics
 
-START, MAX_RADIUS, MIN_RADIUS = 0.3, 1.5, tol.SOLUTION_ROUNDING  # trust radius in rad, or in units of displacements
-SLIDES = 5.0  # unit of displacements in characteristic lengths: forces are more nonlinear in rotations
+START, MAX_RADIUS, MIN_RADIUS = 0.3, 1.5, tol.SOLUTION_ROUNDING  # trust radius in rad, or in units of translations
+TRANSLATION_UNIT = 5.0  # unit of translations in characteristic lengths: forces are more nonlinear in rotations
 ACCEPTED, GOOD = 0.1, 0.7  # fractions of the predicted work above which a step is accepted, and the radius grows
 NEAR_BALANCE = tol.INTERPOLATION  # fraction of the terms of forces: residual from which Newton's method converges
 NEWTON_STEP = tol.THREE_DIGITS  # largest length of Newton's step at an equilibrium
@@ -57,13 +57,13 @@ class TrustRegion:
         return self.statics.residual(self.best)
 
     def length(self, balance: "ForceBalance", y: Array) -> float:
-        """Return the length of a motion y, in rad or units of displacements."""
+        """Return the length of a motion y, in rad or units of translations."""
         return float(np.abs(balance.free.Z @ y / self.units).max(initial=0.0))
 
     @cached_property
     def units(self) -> Array:
-        """Units of the lengths of motions, (nv,): 1 rad, and `SLIDES` characteristic lengths."""
-        return self.statics.sizes.l * np.where(translation_components(self.statics.mech.model), SLIDES, 1.0)
+        """Units of the lengths of motions, (nv,): 1 rad, and `TRANSLATION_UNIT` characteristic lengths."""
+        return self.statics.sizes.l * np.where(translation_components(self.statics.mech.model), TRANSLATION_UNIT, 1.0)
 
     def run(self, find: str) -> bool:
         """Iterate until forces balance, in a minimum unless ``find`` is any; return whether they balance."""
@@ -71,8 +71,8 @@ class TrustRegion:
         while self.iterations < ITERATIONS and self.radius > MIN_RADIUS:
             if self.residual <= NEAR_BALANCE:
                 self.polish()
-            if self.at_rest():
-                low = self.lowest()
+            if self.is_balanced():
+                low = self.divergent_direction()
                 if find == "any" or low is None or not self.leave_saddle(low):
                     return True
             elif not (self.newton() if find == "any" else self.descend()):
@@ -80,13 +80,13 @@ class TrustRegion:
         self.polish()
         return self.residual <= tol.HALF_DIGITS
 
-    def at_rest(self) -> bool:
+    def is_balanced(self) -> bool:
         """Return whether forces balance to rounding, or nearly so and Newton's step is short."""
         residual = self.residual
         is_near = residual <= tol.ITERATION_ROUNDING and self.length(self.best, newton_step(self.best)) <= NEWTON_STEP
         return is_near or residual <= CERTAIN * tol.EPS
 
-    def lowest(self) -> Array | None:
+    def divergent_direction(self) -> Array | None:
         """Return the direction y (k,) of the largest aperiodic divergence; None if there is none."""
         H, noise = self.best.H, self.best.noise
         if symmetric(H, noise):

@@ -53,7 +53,7 @@ Parameters = Mapping[str, Sequence[Any]] | Sequence[Mapping[str, Any]] | Random
 
 
 class Task(NamedTuple):
-    """One run: its number, its seed, and the values of its parameters."""
+    """One run: its run number, its seed, and the values of its parameters."""
 
     run: int
     seed: int
@@ -65,7 +65,7 @@ class Runs:
     """Runs with the same parameters, as columns.
 
     Attributes:
-        run: k numbers of runs, increasing.
+        run: k run numbers, increasing.
         seeds: k seeds.
         columns: k values of each parameter, by its name.
     """
@@ -115,7 +115,7 @@ def planned_runs(parameters: Parameters, seed: int) -> list[Runs]:
 
 
 def _columns(parameters: Parameters, seed: int) -> list[tuple[Sequence[int], dict[str, Sequence[Any]]]]:
-    """Return the numbers of runs with the same parameters, and their values by parameter."""
+    """Return the run numbers of each group with the same parameters, and the values by parameter."""
     if isinstance(parameters, Mapping):
         axes = {n: _builtin_values(n, _axis_values(n, values)) for n, values in parameters.items()}
         _check_number(n := prod(map(len, axes.values())))

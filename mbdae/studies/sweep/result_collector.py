@@ -22,8 +22,8 @@ class ResultCollector:
         progress: called with the completed fraction and a message.
 
     Attributes:
-        done: numbers of the finished runs.
-        seconds: wall times of the runs that finished in this call, by number.
+        done: run numbers of the finished runs.
+        seconds: wall times in s of the runs that finished in this call, by run number.
     """
 
     def __init__(self, meta: dict[str, Any], path: Path | None, fresh: bool, progress: Progress | None) -> None:

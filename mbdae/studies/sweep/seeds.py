@@ -18,7 +18,7 @@ HALF, LAST_BIT = np.uint32(16), np.uint64(1)
 
 
 def run_seeds(seed: int, n: int) -> list[int]:
-    """Return the seeds of n runs, 63 bits each, from the seed of the sweep and the numbers of the runs i < n.
+    """Return the seeds of n runs, 63 bits each, from the seed of the sweep and the run numbers i < n.
 
     They are ``SeedSequence(seed, spawn_key=(i, SEED_STREAM)).generate_state(1, np.uint64)[0] >> 1``.
     """

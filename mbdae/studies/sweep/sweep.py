@@ -100,13 +100,13 @@ def sweep(
 
     Raises:
         UnknownNameError: for a model, parameter, signal or setting that does not exist.
-        InputError: for wrong arguments, a model that cannot be made with any of the values, or the file of another
-            sweep.
+        InputError: for wrong arguments, a model that cannot be constructed with any of the values, or the file of
+            another sweep.
         MbdaeError: if a worker fails; finished runs are stored.
     """
     if path is not None and not isinstance(path, str | Path):
         raise InputError(f"path is the name of a file, got {path!r:.60}")
-    check_backend = checked_backend if isinstance(executor, Executor) else select_core  # it may use other machines
+    check_backend = checked_backend if isinstance(executor, Executor) else select_core  # which may use other machines
     check_backend(settings.get("backend", "auto"))
     plan = planned_runs(parameters, seed)
     job = _job(model, t_span, times, outputs, settings)
@@ -123,7 +123,7 @@ def sweep(
 def _run(
     job: Job, plan: list[Runs], executor: str | Executor | None, workers: int | None, collector: ResultCollector
 ) -> None:
-    """Make runs in batches until Ctrl-C."""
+    """Execute runs in batches until Ctrl-C."""
     if not any(map(len, plan)):
         return
     with suppress(KeyboardInterrupt), pool(executor, workers, run_batch, job, "executor='threads'") as workers_pool:
@@ -187,7 +187,7 @@ def _times(times: Any) -> int | tuple[float, ...] | None:
 
 
 def _checked(job: Job, plan: Sequence[Runs]) -> Mechanism:
-    """Reject unknown names; return the mechanism of the first run that can be made.
+    """Reject unknown names; return the mechanism of the first run for which one can be constructed.
 
     Raises:
         UnknownNameError, InputError: as `sweep`.
@@ -202,7 +202,7 @@ def _checked(job: Job, plan: Sequence[Runs]) -> Mechanism:
 
 
 def _first_mechanism(factory: ParametricFactory, plan: Sequence[Runs]) -> Mechanism:
-    """Check the names of all parameters; return the first mechanism that can be made."""
+    """Check the names of all parameters; return the first mechanism that can be constructed."""
     checked = set[tuple[str, ...]]()
     mech, problem = None, ""
     sample = [*chain.from_iterable(runs.subset(_sample(len(runs))).tasks() for runs in plan)]
@@ -219,7 +219,8 @@ def _first_mechanism(factory: ParametricFactory, plan: Sequence[Runs]) -> Mechan
         except Exception as e:
             problem = str(e) if isinstance(e, MbdaeError) else f"{type(e).__name__}: {e}"
     if mech is None:
-        raise InputError(f"no mechanism can be made of these values ({len(sample)} runs were tried): {problem}")
+        tried = f"({len(sample)} runs were tried)"
+        raise InputError(f"no mechanism can be constructed from these values {tried}: {problem}")
     return mech
 
 

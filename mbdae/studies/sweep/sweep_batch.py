@@ -46,7 +46,7 @@ def batches_of(plan: Sequence[Runs], pending: int, seconds: dict[int, float]) ->
     Args:
         plan: the runs.
         pending: number of batches that are submitted at a time.
-        seconds: wall times of finished runs by number, in the order in which they finished.
+        seconds: wall times of finished runs by run number, in the order in which they finished.
     """
     remaining = sum(map(len, plan))
     first = min(FIRST_BATCH, int(FIRST_PART * remaining / pending))
@@ -62,7 +62,7 @@ def batches_of(plan: Sequence[Runs], pending: int, seconds: dict[int, float]) ->
 
 
 def run_batch(job: Job, batch: Runs, stop: StopFlag | None = None) -> list[FinishedRuns]:
-    """Return the results of a batch; runs that the core cannot complete are made one by one, until a stop."""
+    """Return the results of a batch; runs that the core cannot complete are executed one by one, until a stop."""
     flag = stop or StopFlag()
     found = [*_completed_in_core(job, batch, flag)] if _needs_final_values_only(job) else []
     done = {*chain.from_iterable(x.results["run"] for x in found)}

@@ -2,7 +2,7 @@
 
 A clearance of a closure displaces its rows in m; a clearance of a joint of the tree displaces the origin of its child
 body in the parent body. The mechanism can be assembled with displacements D x of the rows if N^T D x = 0, where N is
-the left null space of G; otherwise closures that depend on each other open.
+the left null space of G; otherwise redundant closures are violated.
 Source: Haug, Computer Aided Kinematics and Dynamics (1989), 9.4.
 """
 
@@ -46,8 +46,8 @@ class Displacements(NamedTuple):
         """
         if not null.shape[1]:
             return np.eye(self.rows.shape[2])
-        _, sizes, right = np.linalg.svd(null.T @ (self.rows[i] / scales[:, None]))
-        return right[np.count_nonzero(sizes * scales.max() > RANK) :].T
+        _, singular_values, right = np.linalg.svd(null.T @ (self.rows[i] / scales[:, None]))
+        return right[np.count_nonzero(singular_values * scales.max() > RANK) :].T
 
 
 def displacements(signals: CurveSignals, names: Iterable[str]) -> dict[str, Displacements]:

@@ -48,7 +48,7 @@ class Deviations:
         sigmas: number of standard deviations in a tolerance.
         influences: derivatives, see `Influences`.
         hessians: second derivatives with respect to the parameters, (m, n, k, k); None without ``second_order``.
-        left_out: names from patterns that are omitted, since they open redundant closures.
+        left_out: names from patterns that are omitted, since they would violate redundant closures.
         parameter_units: units of parameters by name; "" if unknown.
     """
 
@@ -125,9 +125,9 @@ class Deviations:
 
     @cached_property
     def nonlinearity(self) -> Array:
-        """Relative error of the linear worst case, estimated from the distance to a dead point of the drive, (n,).
+        """Relative error of the linear worst case, estimated from the distance to a dead point of the input, (n,).
 
-        Above 0.25 the mechanism may not reach the input. Infinite at dead points and where closures lose rank.
+        Above 0.25 the mechanism may not assemble at the input. Infinite at dead points and where closures lose rank.
         """
         x, curve = self.influences, self.curve
         by_clearances = np.linalg.norm(x.along_clearances, axis=-1)

@@ -13,7 +13,7 @@ WILDCARDS = "*?["
 ENTRIES = ("xyz", "rpy")
 
 
-def expand_patterns(make: object, tolerances: Mapping[str, float]) -> tuple[dict[str, float], set[str]]:
+def expand_patterns(factory: object, tolerances: Mapping[str, float]) -> tuple[dict[str, float], set[str]]:
     """Return tolerances by full names, and those names that come from patterns.
 
     A full name has precedence over patterns, and a pattern over earlier ones. Patterns are those of `fnmatch`; they
@@ -22,10 +22,10 @@ def expand_patterns(make: object, tolerances: Mapping[str, float]) -> tuple[dict
     Raises:
         UnknownNameError: for a pattern that matches no dimension; lists the dimensions.
     """
-    if not isinstance(make, Template):
+    if not isinstance(factory, Template):
         return dict(tolerances), set()
     patterns = [name for name in tolerances if set(name) & set(WILDCARDS)]
-    known = list(_dimensions(make)) if patterns else []
+    known = list(_dimensions(factory)) if patterns else []
     patterns = [name for name in patterns if name not in known]  # names of joints may have brackets
     found: dict[str, float] = {}
     for pattern in patterns:
@@ -37,9 +37,9 @@ def expand_patterns(make: object, tolerances: Mapping[str, float]) -> tuple[dict
     return {**found, **named}, found.keys() - named.keys()
 
 
-def _dimensions(make: Template) -> Iterator[str]:
+def _dimensions(factory: Template) -> Iterator[str]:
     """Yield the names of placements of joints, bodies and frames, and of lengths of closures."""
-    spec = make.spec({})
+    spec = factory.spec({})
     parts = zip(spec.file.source, spec.parts, strict=True)
     joints = [f"joint.{source.prefix}{name}" for source, part in parts for name in joint_names(part.model)]
     elements = [*(f"frame.{x.name}" for x in spec.file.frame), *(f"body.{x.name}" for x in spec.file.body), *joints]

@@ -1,12 +1,12 @@
 """Influences of parameters and clearances on signals in each pose, and how far the linear analysis is valid.
 
-The rows are scaled by characteristic lengths and angles. Close to a dead point of the drive the smallest singular value
+The rows are scaled by characteristic lengths and angles. Close to a dead point of the input the smallest singular value
 of G is du/ds, the change of the input u per arclength s of the curve of poses. A tolerance that changes the pose by
 alpha along the curve, to first order, changes it by the solution of
 
     u' alpha_0 = u' a + u''/2 a^2,    a = alpha_0 (1 - u'' alpha_0/(2 u') + ...)
 
-which does not exist if 2 |u'' alpha_0/u'| > 1: the mechanism may not reach the input.
+which does not exist if 2 |u'' alpha_0/u'| > 1: the mechanism may not assemble at this input.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,7 +22,7 @@ from .clearances import Displacements, largest_axis_count
 
 @dataclass(frozen=True)
 class Influences:
-    """First-order influences on m signals in n poses; nan where the drive has a dead point or closures lose rank.
+    """First-order influences on m signals in n poses; nan at dead points of the input and where closures lose rank.
 
     Attributes:
         values: the signals, (m, n).
@@ -81,13 +81,14 @@ def influences(signals: CurveSignals, names: Sequence[str], clearances: Mapping[
 
 
 def _rank(signals: CurveSignals) -> tuple[Array, Array, list[Array]]:
-    """Return the condition in each pose, (n,), the scales of the rows, (ng,), and left null spaces, (ng, d) each."""
+    """Return condition numbers by pose, (n,), the scales of the rows, (ng,), and left null spaces, (ng, d) each."""
     system, found = signals.parameters.system, signals.curve
     scales = system.mechanism.row_scales
     condition, nulls = np.full(len(found.u), np.inf), []
     for i, q in enumerate(found.q):
-        left, sizes, _ = np.linalg.svd(system.jacobian(q) * found.mechanism.coordinate_scales / scales[:, None])
-        if sizes[-1] > RANK * sizes[0] and len(sizes) == system.nv:
-            condition[i] = sizes[0] / sizes[-1]
-        nulls.append(left[:, np.count_nonzero(sizes > RANK * sizes[0]) :])
+        G = system.jacobian(q) * found.mechanism.coordinate_scales / scales[:, None]
+        left, singular_values, _ = np.linalg.svd(G)
+        if singular_values[-1] > RANK * singular_values[0] and len(singular_values) == system.nv:
+            condition[i] = singular_values[0] / singular_values[-1]
+        nulls.append(left[:, np.count_nonzero(singular_values > RANK * singular_values[0]) :])
     return condition, scales, nulls

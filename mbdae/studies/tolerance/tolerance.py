@@ -45,11 +45,12 @@ def tolerance(
 
     The rows g(q, p, u) = 0 are those of closures, locked joints and the drive: lam are the reactions to a unit load
     along the signal o with the drive locked, so one transposed solve gives the influence of every parameter and
-    clearance. A clearance c displaces a joint by a vector of length c in any direction that it locks. Statistical is
-    the root of the sum of squares of the same terms. The variance is sum (do/dp_i sigma_i)^2 + sum c_k^2 |lam_k|^2/r_k
-    for normal deviations, sigma_i = t_i/sigmas, and contact in a uniformly distributed direction in r_k dimensions; to
-    second order the variance has the further terms 1/2 sum (H_ij sigma_i sigma_j)^2, and the mean shifts by
-    1/2 sum H_ii sigma_i^2. Loops may be spatial, and closures redundant.
+    clearance. A clearance c displaces a joint by a vector of length c in any direction that it locks. The statistical
+    value is the root of the sum of squares of the same terms. The variance is
+    sum (do/dp_i sigma_i)^2 + sum c_k^2 |lam_k|^2/r_k for normal deviations, sigma_i = t_i/sigmas, and contact in a
+    uniformly distributed direction in r_k dimensions; to second order the variance has the further terms
+    1/2 sum (H_ij sigma_i sigma_j)^2, and the mean shifts by 1/2 sum H_ii sigma_i^2. Loops may be spatial, and closures
+    redundant.
     Source: Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems (1989).
 
     Args:
@@ -59,7 +60,7 @@ def tolerance(
             input; ``holding``, the holding effort of the driver.
         parameters: tolerances t by dotted name or pattern, ``frame.rod_tip.xyz.0=5e-5``, ``joint.*.xyz.*=5e-5``: the
             value deviates by at most t. A name has precedence over patterns, and a pattern over earlier ones.
-            Parameters from patterns that open redundant closures are omitted, and reported.
+            Parameters from patterns that would violate redundant closures are omitted, and reported.
         clearances: clearances c in m by joint or closure, ``"wrist pin"=2e-5``.
         span: range of the input in rad or m; when left out, ``turns`` to both sides of the start pose.
         turns: number of full turns, if no span is given.
@@ -72,8 +73,8 @@ def tolerance(
 
     Raises:
         UnknownNameError: for an invalid name.
-        InputError: for a tolerance that is not a positive number, parameters that open redundant closures, or a curve
-            as of `mbdae.kinematics`.
+        InputError: for a tolerance that is not a positive number, parameters that would violate redundant closures, and
+            as `mbdae.kinematics`.
         AssemblyError, StepError: as `mbdae.kinematics`.
 
     Example:
@@ -82,14 +83,14 @@ def tolerance(
     """
     sizes, widths = _positive_sizes("tolerance", parameters), _positive_sizes("clearance", clearances)
     _check(sizes, widths, sigmas)
-    make = factory_of(model)
-    sizes, matched = expand_patterns(make, sizes)
-    nominal = _nominal(make, sizes, values)
-    mech = model if isinstance(model, Mechanism) and values is None else make.make(nominal)
+    factory = factory_of(model)
+    sizes, matched = expand_patterns(factory, sizes)
+    nominal = _nominal(factory, sizes, values)
+    mech = model if isinstance(model, Mechanism) and values is None else factory.make(nominal)
     found = kinematics(mech, drive, span=span, turns=turns, hold=hold, points=points, q=q)
 
     def bind(changed: Mapping[str, float]) -> Parameters:
-        return Parameters(lambda x: driven_mechanism(make.make(x), drive, hold, found.q[0]), changed, backend.load())
+        return Parameters(lambda x: driven_mechanism(factory.make(x), drive, hold, found.q[0]), changed, backend.load())
 
     bound, left_out = _consistent(bind, nominal, matched, found)
     curve_signals = CurveSignals(found, lambda: bound)
@@ -101,7 +102,7 @@ def tolerance(
     return Tolerance(
         found, tuple(names), signal_units(mech, names, found.unit), tolerances, widths, float(sigmas),
         influences(curve_signals, names, displacements(curve_signals, widths)), H, left_out,
-        parameter_units(make, tolerances),
+        parameter_units(factory, tolerances),
     )  # fmt: skip
 
 
@@ -118,14 +119,14 @@ def _check(sizes: Mapping[str, float], widths: Mapping[str, float], sigmas: floa
 
 
 def _nominal(
-    make: MechanismFactory, sizes: Mapping[str, float], values: Mapping[str, float] | None
+    factory: MechanismFactory, sizes: Mapping[str, float], values: Mapping[str, float] | None
 ) -> dict[str, float]:
     """Return ``values`` of the parameters with tolerances, or without them those of the model.
 
     Raises:
         UnknownNameError, InputError: as `named_values`, and for names that differ from those of the tolerances.
     """
-    nominal = named_values(make, list(sizes) if values is None else values)
+    nominal = named_values(factory, list(sizes) if values is None else values)
     if nominal.keys() != sizes.keys():
         different = ", ".join(sorted(nominal.keys() ^ sizes.keys()))
         raise InputError(f"values and tolerances have different names: {different}")
@@ -138,10 +139,10 @@ def _consistent(
     matched: Set[str],
     found: Kinematics,
 ) -> tuple[Parameters, tuple[str, ...]]:
-    """Return the parameters without those from patterns that open redundant closures, and the names of the latter.
+    """Return the parameters without those from patterns that would violate redundant closures, and their names.
 
     Raises:
-        InputError: if a parameter that is named in full opens redundant closures.
+        InputError: if a parameter that is named in full would violate redundant closures.
     """
     bound, first = bind(nominal), (float(found.u[0]), found.q[0])
     left_out = tuple(name for name in bound.inconsistent(*first) if name in matched)

@@ -84,7 +84,7 @@ def _limits(mech: Mechanism) -> list[dict[str, Any]]:
 
 
 def _attachments(scene: Scene, last: Sequence[int]) -> list[dict[str, Any]]:
-    """Return the parts on one joint or between two: joints, placements, and the lengths with which they are drawn."""
+    """Return the drawables on one joint or between two: joints, placements, and lengths with which they are drawn."""
     shapes = zip(scene.shapes, scene.anchors, strict=True)
     attached = [(anchors, shape.size[1] if len(anchors) == 2 else 0.0) for shape, anchors in shapes]
     for s in scene.springs:

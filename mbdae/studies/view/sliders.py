@@ -65,8 +65,8 @@ def sliders(mech: Mechanism, q: Array) -> list[Slider]:
 def independent(mech: Mechanism, system: "Index2System", q: Array) -> list[str]:
     """Return independent joints of one coordinate at q, as many as there are degrees of freedom, or fewer."""
     G = system.jacobian(q)
-    _, sizes, right = np.linalg.svd(G) if len(G) else (0, np.zeros(0), np.eye(mech.nv))
-    rank = int(np.count_nonzero(sizes > RANK * sizes.max(initial=0.0)))
+    _, sigmas, right = np.linalg.svd(G) if len(G) else (0, np.zeros(0), np.eye(mech.nv))
+    rank = int(np.count_nonzero(sigmas > RANK * sigmas.max(initial=0.0)))
     motions = right[rank:].T.copy()
     preferred = [d.joint for d in mech.drivers if d.joint] + list(mech.start_values.q)
     joints = [n for n in dict.fromkeys([*preferred, *mech.joint_names]) if find_joint(mech.model, n).nv == 1]

@@ -125,7 +125,7 @@ def view(mech: Mechanism | ModelSource, q: Array | None = None) -> View:
         q: the configuration, (nq,); the model's start when left out.
 
     Raises:
-        AssemblyError: if the start of the model cannot be closed.
+        AssemblyError: if the start of the model cannot be assembled.
         InputError: for a q of another length.
 
     Example:

@@ -14,7 +14,7 @@ from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.formats.mechanism_file.loaded_model import parameter_value
 from mbdae.mechanism.formats.mechanism_file.template import Template
 from mbdae.mechanism.formats.model_library import find
-from mbdae.studies.fit.data import records
+from mbdae.studies.fit.data import read_recordings
 from mbdae.studies.fit.fit import SPANS
 from mbdae.studies.fit.fit_residuals import FitResiduals
 from mbdae.studies.fit.identifiability import precision
@@ -163,7 +163,7 @@ def test_fewer_runs_than_with_quotients(tmp_path):
     given = {"force.spring.stiffness": (40.0, 10, 1000), "joint.slider.mass": (1.5, 0.1, 5)}
     found = mbdae.fit(path, given, data, sigma=1e-4, **STEP)
     assert found.values == pytest.approx(truth, rel=1e-6)
-    problem = FitResiduals(Template(str(path)), list(given), records(data), [{}], 1e-4, None, dict(STEP))
+    problem = FitResiduals(Template(str(path)), list(given), read_recordings(data), [{}], 1e-4, None, dict(STEP))
     x, low, high = np.array(list(given.values())).T
     for fraction in problem.span_fractions(SPANS, 2):
         problem.fraction, tolerance = fraction, tolerances.COARSE if fraction < 1 else tolerances.SEARCH_TOLERANCE
@@ -201,7 +201,7 @@ def test_spans_without_enough_values_after_the_start_are_left_out():
     found = mbdae.fit("four_bar", {"gravity.2": (-12, -8)}, data, **STEP)
     assert found.values["gravity.2"] == pytest.approx(-9.81, abs=1e-6)
     late = {**data, **dict.fromkeys(data, np.r_[[np.nan] * 5, 1.0]), "t": times}
-    problem = FitResiduals(Template(str(find("four_bar"))), ["gravity.2"], records(late), [{}], None, None, {})
+    problem = FitResiduals(Template(str(find("four_bar"))), ["gravity.2"], read_recordings(late), [{}], None, None, {})
     assert problem.span_fractions((0.5, 0.9), 1) == [1.0]
 
 

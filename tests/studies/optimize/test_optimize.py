@@ -10,7 +10,7 @@ import mbdae
 from mbdae import finite_differences
 from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.formats.mechanism_file.template import Template
-from mbdae.studies.optimize.objective import curves, runs
+from mbdae.studies.optimize.objective import curve_function, run_function
 
 STIFFNESS = {"force.spring.stiffness": 10.0}
 BALANCE = 2.0 * 9.81 * 0.5 / (0.6 * 0.4)  # k h a = m g r: a spring without rest length balances the arm everywhere
@@ -65,7 +65,7 @@ CURVES = [
 @pytest.mark.parametrize(("model", "options", "signals", "values"), CURVES)
 def test_curves_are_differentiated_at_equal_inputs(model, options, signals, values):
     make = Template(model)
-    follow = curves(make, "crank", make.make(values), {"points": 5, **options})
+    follow = curve_function(make, "crank", make.make(values), {"points": 5, **options})
     here = follow(values).signals
     for i, (name, x) in enumerate(values.items()):
         h = 2e-3 * abs(x)
@@ -79,7 +79,7 @@ def test_curves_are_differentiated_at_equal_inputs(model, options, signals, valu
 def test_holding_torques_agree_with_inverse_dynamics():
     mech = mbdae.load("four_bar")
     make = Template("four_bar")
-    signals = curves(make, "crank", mech, {"span": (1.2, 2.2), "points": 5})({"gravity.2": -9.81}).signals
+    signals = curve_function(make, "crank", mech, {"span": (1.2, 2.2), "points": 5})({"gravity.2": -9.81}).signals
     statics = mbdae.inverse_dynamics(mech, signals.curve, speed=1e-7)
     np.testing.assert_allclose(signals["holding"], statics.efforts[:, 0], rtol=1e-10)
 
@@ -91,7 +91,7 @@ def test_runs_are_differentiated_with_what_the_parameters_cost_themselves():
         g = signals["gravity.2"]
         return signals["q.rocker"][-1] + g**2, {"q.rocker": end, "gravity.2": 2 * g}
 
-    run = runs(Template("four_bar"), (0.0, 0.2), {"step": 0.02})
+    run = run_function(Template("four_bar"), (0.0, 0.2), {"step": 0.02})
     found = run({"gravity.2": -9.0}).evaluate(cost)
     near = {k: run({"gravity.2": -9.0 + 0.01 * k}).evaluate(cost).value for k in (-2, -1, 1, 2)}
     quotient = (near[-2] - 8 * near[-1] + 8 * near[1] - near[2]) / 0.12

@@ -7,7 +7,7 @@ import mbdae
 from mbdae import JointPID, JointSpring, JointTorque, Wrench
 from mbdae.mechanism.formats.mechanism_file.loaded_model import LoadedModel, parameter_value
 from mbdae.mechanism.formats.mechanism_file.template import Template
-from mbdae.studies.optimize.objective import runs
+from mbdae.studies.optimize.objective import run_function
 
 TABLE = {"kind": "table", "points": [(0.0, 1.0), (0.05, 2.0), (0.2, -1.0)]}
 MONOTONE = {**TABLE, "interpolation": "monotone", "points": [(0.0, 1.0), (0.05, 2.0), (0.2, 5.0)]}
@@ -56,7 +56,7 @@ def cost(signals):
 @pytest.mark.parametrize(("names", "often"), [*((x, 1) for x in ONCE.values()), *((x, 3) for x in AGAIN.values())])
 def test_gradients_are_those_of_mechanisms_new_mechanism(four_bar, names, often):
     make = LoadedModel(four_bar)
-    run = runs(make, (0.0, 0.1), SETTINGS)
+    run = run_function(make, (0.0, 0.1), SETTINGS)
     first = {name: parameter_value(make, name) for name in names}
     found = []
     for i in (0, 1, 0):  # there and back
@@ -76,7 +76,7 @@ def test_gradients_are_those_of_mechanisms_new_mechanism(four_bar, names, often)
 
 def test_functions_of_a_motion_share_its_parameters():
     make, name = Template("four_bar"), "joint.rocker.xyz.0"
-    run, x = runs(make, (0.0, 0.1), SETTINGS), parameter_value(make, name)
+    run, x = run_function(make, (0.0, 0.1), SETTINGS), parameter_value(make, name)
     first, second = run({name: x}), run({name: x + 0.01})
     derivatives = [motion.evaluate(cost).derivatives() for motion in (first, first, second)]
     assert second.parameters.bound == 2

@@ -19,7 +19,7 @@ SOLVES = {"stewart_platform": 30_000, "heavy_top": 30_000, "dual_arm": 15_000}  
 @pytest.mark.native
 @pytest.mark.parametrize("model", MODELS)
 def test_orders_hold_on_the_command_line(model, monkeypatch):
-    monkeypatch.setattr(Measurement, "largest", SOLVES.get(model, LARGEST_RUN))
+    monkeypatch.setattr(Measurement, "max_solves", SOLVES.get(model, LARGEST_RUN))
     code, out, err = call("order", model, "-m", ",".join(METHODS_OF_FAMILIES), "--json")
     assert code == 0, out + err
     found = json.loads(out)["methods"]

@@ -16,7 +16,7 @@ from mbdae.studies.order.gradients import GradientMeasurement, GradientStudy
 
 @pytest.fixture
 def brief(monkeypatch):
-    monkeypatch.setattr(GradientMeasurement, "largest", 3000)
+    monkeypatch.setattr(GradientMeasurement, "max_solves", 3000)
 
 
 @pytest.mark.parametrize(

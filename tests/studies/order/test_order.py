@@ -29,7 +29,7 @@ def shared_reference(self, name):
     if known not in MEASUREMENTS:
         backend = "native" if load_core() else "python"
         MEASUREMENTS[known] = Measurement(self.problem, self.T, self.steps, self.start, self.progress, backend)
-        MEASUREMENTS[known].largest = LARGEST_RUN
+        MEASUREMENTS[known].max_solves = LARGEST_RUN
     return REFERENCE(MEASUREMENTS[known], name)
 
 
@@ -52,8 +52,8 @@ def test_orders(model, half, back_end, monkeypatch):
     ]
     span = {} if native else SHORT.get(model, {})
     for method in fast[half::2]:
-        largest = LARGEST_RUN if native else LONGER.get((model, method), IN_PYTHON[model])
-        monkeypatch.setattr(Measurement, "largest", largest)
+        max_solves = LARGEST_RUN if native else LONGER.get((model, method), IN_PYTHON[model])
+        monkeypatch.setattr(Measurement, "max_solves", max_solves)
         study = mbdae.order(mech, [method], **span)
         assert study.holds, str(study)
 
@@ -67,7 +67,7 @@ def test_orders_of_what_rolls(model):
 
 @pytest.mark.parametrize("method", REGULAR_ON_A)
 def test_orders_where_f_is_nonlinear_in_z(method, monkeypatch):
-    monkeypatch.setattr(Measurement, "largest", 4000)
+    monkeypatch.setattr(Measurement, "max_solves", 4000)
     study = mbdae.order(hessenberg_a(), [method])
     assert study.holds, str(study)
     if method in ("kutta3", "rk4", "rule38"):
@@ -86,11 +86,11 @@ def test_every_textbook_problem_has_a_span():
 @pytest.mark.parametrize("name", SPANS)
 def test_no_claim_of_any_method_is_refuted_on_a_textbook_problem(name, monkeypatch):
     """Few steps, many of them too long, and a reference with some more: inconclusive results must be reported so."""
-    monkeypatch.setattr(Measurement, "largest", 400)
+    monkeypatch.setattr(Measurement, "max_solves", 400)
     monkeypatch.setattr(Measurement, "reference", shared_reference)
     problem, T = TEXTBOOK[name](), SPANS[name]
     measure = MEASUREMENTS[problem.title, T] = Measurement(problem, T, 5, None, lambda name: None, "python")
-    measure.largest = 3000
+    measure.max_solves = 3000
     runs = []
     study = mbdae.order(problem, T=T, steps=5, progress=runs.append)
     assert len(set(runs)) == len(runs), "no run is made twice"
@@ -125,7 +125,7 @@ def test_coarser_steps_are_tried_if_finer_ones_are_inconclusive():
     assert not all(s.is_conclusive for s in fixed)
     assert fixed[0].steps[0] == 160, "what the user says stands"
     measure = Measurement(mech, 2.0, 160, mech.assemble(mech.order.q, mech.order.v), lambda name: None, "auto")
-    measure.lower = True
+    measure.add_coarser_steps = True
     slopes = measure.judge(mbdae.METHODS["pherk6"])
     assert [s.verdict for s in slopes] == ["holds"] * 4
     assert {s.steps for s in slopes} == {slopes[0].steps}
@@ -135,7 +135,7 @@ def test_coarser_steps_are_tried_if_finer_ones_are_inconclusive():
         n = min(len(found.errors), len(known.errors), 4)
         np.testing.assert_allclose(found.errors[:n], known.errors[:n], rtol=1e-3)
     measure = Measurement(mech, 1e-3, 40, mech.assemble(mech.order.q, mech.order.v), lambda name: None, "auto")
-    measure.lower = True
+    measure.add_coarser_steps = True
     assert measure.judge(mbdae.METHODS["pherk6"])[0].steps[0] == 5
 
 

@@ -91,7 +91,7 @@ def test_the_end_of_a_range_is_located_across_a_corner():
         def step(self, start, h):
             return None
 
-        def across(self, start, h):
+        def point_on_plane(self, start, h):
             return start + h
 
     assert Corner().locate_zero(0.0, 1.0, lambda x: x - 0.3) == pytest.approx((0.3, 0.3), abs=1e-9)

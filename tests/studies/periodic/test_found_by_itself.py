@@ -74,9 +74,9 @@ def test_a_disc_in_a_circle_has_all_of_its_symmetries():
 
 @pytest.mark.slow
 def test_a_run_that_does_not_come_back_asks_for_a_period():
-    """A double pendulum; and the joint of a pendulum is no symmetry."""
+    """A double pendulum; and the joint of a pendulum is not a symmetry."""
     assert mbdae.periodic("pendulum", 2.1).symmetry == ()
-    with pytest.raises(InputError, match="does not come back to where it ends: give an estimate of the period"):
+    with pytest.raises(InputError, match="does not return to its final state: give an estimate of the period"):
         mbdae.periodic("double_pendulum")
 
 

@@ -154,7 +154,7 @@ def test_the_opposite_point_of_a_sphere_is_not_the_start():
 
 
 def test_a_family_of_energies_has_no_branch():
-    with pytest.raises(InputError, match="the motion keeps its energy"):
+    with pytest.raises(InputError, match="the motion conserves its energy"):
         mbdae.periodic_branch("pendulum", "closure.string.length", 1.0, 1.1, T=2.1)
 
 

@@ -8,7 +8,7 @@ from sprung_arm import ARM
 
 import mbdae
 from mbdae.errors import InputError, MbdaeError, StepError, UnknownNameError
-from mbdae.studies.optimize.objective import curves
+from mbdae.studies.optimize.objective import curve_function
 
 CRANK = mbdae.Event("q.crank = 1.0", terminal=True)
 MASS = ["joint.crank.mass"]
@@ -166,7 +166,7 @@ def test_a_spring_of_zero_rest_length_has_derivatives_everywhere(tmp_path):
     with pytest.raises(InputError, match=LOST):
         mbdae.sensitivity(run, {"force.spring.force": 0.0})
     path.write_text(hung(0.4, "length = 0.3"))
-    signals = curves(mbdae.studies.factories.factory_of(str(path)), "arm",
+    signals = curve_function(mbdae.studies.factories.factory_of(str(path)), "arm",
     mbdae.load(path),
                      {"span": (0.0, 0.5), "points": 3})({"force.spring.stiffness": 10.0}).signals  # fmt: skip
     with pytest.raises(InputError, match=LOST):

@@ -221,7 +221,7 @@ def test_failed_runs_are_rows():
         (["slider_crank", {"start.q.rod": [1]}], "unknown joint 'rod'"),
         (["slider_crank", {"solve.rtl": [1]}], "did you mean 'rtol'"),
         (["slider_crank", {"solve.method": ["herk9"]}], "unknown method 'herk9'"),
-        (["slider_crank", {"duration": [-1.0, -2.0]}], "no mechanism can be made of these values"),
+        (["slider_crank", {"duration": [-1.0, -2.0]}], "no mechanism can be constructed from these values"),
         (["slider_crank", {"duration": []}], "duration: a grid takes a list of values"),
         (["slider_crank", {"duration": "long"}], "a grid takes a list of values"),
         (["slider_crank", {"duration": [1.0, "long"]}], "values of one kind"),

@@ -1,7 +1,7 @@
 """Branch points of the curve: configurations in which the closures lose rank and curves intersect.
 
-At a simple branch point G has two null vectors N (nv, 2), and one left null vector u that neighbouring points do not
-have. A vector N y is tangent to a branch if y^T N^T K_u N y = 0 with K_u = d(G^T u)/dq.
+At a simple branch point G has two null vectors N (nv, 2), and one left null vector w that neighbouring points do not
+have. A vector N y is tangent to a branch if y^T N^T K_w N y = 0 with K_w = d(G^T w)/dq.
 """
 
 import numpy as np
@@ -20,8 +20,8 @@ MAX_DISTANCE = 0.05  # distance of a branch point from the sign change of sigma,
 def branch_point(curve: PoseCurve, i: int) -> BranchPoint | None:
     """Return the branch point after node i, where sigma changes sign; None if it is not simple.
 
-    The sign change is the start of Newton's method for 0 = N^T G^T u and the rows of g within the range of G. The
-    remaining u^T g is the distance of branches that do not intersect.
+    The sign change is the start of Newton's method for 0 = N^T G^T w and the rows of g within the range of G. The
+    remaining w^T g is the distance of branches that do not intersect.
 
     Raises:
         StepError: if branches do not intersect, or no point is found: the step jumped from one branch to another.
@@ -31,20 +31,20 @@ def branch_point(curve: PoseCurve, i: int) -> BranchPoint | None:
     q, u, r = at.q, at.u, curve.r
     for _ in range(NEWTON_STEPS):
         g, G = curve.closures(q, u)
-        left, sizes, right = np.linalg.svd(G[:-1])
-        if r > 1 and sizes[r - 2] < VISIBLE * sizes[0]:
+        left, sigmas, right = np.linalg.svd(G[:-1])
+        if r > 1 and sigmas[r - 2] < VISIBLE * sigmas[0]:
             return None
         N, left_null = right[r - 1 :].T, _additional_null_vector(left[:, r - 1 :], curve.nodes[i].left_null)
         K = constraint_hessian(curve.system, left_null)
         rows = np.vstack([right[: r - 1], N.T @ K])
-        residual = np.concatenate([left[:, : r - 1].T @ g[:-1] / sizes[: r - 1], N.T @ (G[:-1].T @ left_null)])
+        residual = np.concatenate([left[:, : r - 1].T @ g[:-1] / sigmas[: r - 1], N.T @ (G[:-1].T @ left_null)])
         x = -np.linalg.lstsq(rows, residual, rcond=AGREEMENT)[0]
         q, u = curve.integrate(q, x), u + float(g[-1] + G[-1] @ x)
         if np.abs(x).max() < EVALUATION_ROUNDING:
             break
     if np.abs(curve.difference(at.q, q)).max() > MAX_DISTANCE or abs(left_null @ g[:-1]) > AGREEMENT:
         raise StepError("newton", f"two branches come close without intersecting near {u:.9g}")
-    if abs(sizes[r - 1]) > RANK * sizes[0]:
+    if abs(sigmas[r - 1]) > RANK * sigmas[0]:
         return None
     a, b, c = (form := N.T @ (K + K.T) @ N / 2)[0, 0], form[0, 1], form[1, 1]
     if not b * b - a * c > SOLUTION_ROUNDING * np.abs(form).max() ** 2:

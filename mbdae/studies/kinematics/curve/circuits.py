@@ -3,7 +3,7 @@
 On a closed curve of regular poses the signs of du/ds at the crossings of one value add up to 0 for a prismatic input,
 and to the number of revolutions for a revolute one. So each circuit has an even number of modes of a prismatic input. A
 curve along which a prismatic input is unbounded in both directions is not a circuit, and has an odd number of modes.
-Source: Chase, Mirth, J. Mech. Design 115 (1993); the degree of a map of the circle.
+Source: Chase, Mirth, J. Mech. Design 115 (1993); and the degree of a map of the circle.
 """
 
 from collections.abc import Iterator
@@ -66,7 +66,7 @@ def circuit(system: "Index2System", angular: Array, period: float, q: Array, u: 
 
 
 def _is_unbounded(forward: PoseCurve, backward: PoseCurve) -> bool:
-    """Return whether a prismatic input, as of a rack, increases in one direction and decreases in the other."""
+    """Return whether a prismatic input, as that of a rack, increases in one direction and decreases in the other."""
     ends = [c.nodes[-1].u - c.nodes[0].u for c in (forward, backward) if c.ended in ("range", "limit")]
     return not forward.period and len(ends) == 2 and ends[0] * ends[1] < 0
 
@@ -110,7 +110,7 @@ def _levels_between(curve: PoseCurve, u: float, p0: CurvePoint, p1: CurvePoint) 
 
 
 def _is_above(curve: PoseCurve, p: CurvePoint, w: float) -> bool:
-    """Return whether the input is above w; at the first pose of a circuit, where it is w, of neighbouring points."""
+    """Return whether the input is above w; at the first pose of a circuit, where it is w, at the neighbouring point."""
     first, last = p is curve.nodes[0], curve.ended == "closed" and p is curve.nodes[-1]
     if not (first or last) or abs(p.u - w) > SAME_POSE * curve.unit:
         return p.u >= w

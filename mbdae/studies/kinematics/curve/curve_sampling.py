@@ -10,7 +10,7 @@ from ....errors import StepError
 from ....tolerances import COARSE, COINCIDENT, INTERPOLATION, ROUNDING, SAME_STATE, SOLUTION_ROUNDING, ZERO_SPEED
 from .pose_curve import BranchPoint, CurvePoint, PoseCurve
 
-SMALL, TANGENCY = 0.5, 1.5  # minima of sigma below these fractions of its maximum and change may be double roots
+SMALL, TANGENCY = 0.5, 1.5  # minima of |sigma| over its maximum, over its change: double roots below
 AT_BRANCH_POINT = INTERPOLATION  # negligible distance of the input from a branch point
 
 
@@ -23,7 +23,7 @@ class CurveLocation(NamedTuple):
 
 
 class Events(NamedTuple):
-    """Special points of a curve: dead points of the drive, and branch points by the node before them."""
+    """Special points of a curve: dead points of the input, and branch points by the node before them."""
 
     dead_points: list[CurveLocation]
     branch_points: dict[int, BranchPoint]

@@ -6,7 +6,7 @@
 Angles are in rad, lengths of rows and coordinates in characteristic lengths of the mechanism; the input u is in rad or
 m. G has all rows except the driver's, redundant ones included; its pseudoinverse is truncated to rank nv - 1.
 sigma, its smallest singular value, has the sign of det [B^T G; tau^T] with a basis B of range(G) that is continued
-along the curve: sigma changes sign at branch points, and tau_in = e_in . tau at dead points of the drive.
+along the curve: sigma changes sign at branch points, and tau_in = e_in . tau at dead points of the input.
 
 Source: Allgower, Georg, Introduction to Numerical Continuation Methods (2003), chapters 3, 7 and 8.
 """
@@ -41,11 +41,11 @@ class CurvePoint(NamedTuple):
         q: configuration, (nq,).
         u: the input, in rad or m.
         tau: the tangent, (nv,), in rad and characteristic lengths.
-        kappa: the curvature dtau/ds, (nv,).
+        kappa: the curvature vector dtau/ds, (nv,).
         speed: tau_in = du/ds, in rad or m.
         input_curvature: d2u/ds2 = e_in . kappa + gamma_in.
         sigma: the smallest singular value of G, with a sign.
-        left_null: the left null space of G, (ng - 1, k).
+        left_null: orthonormal basis of the left null space of G, (ng - 1, k).
         orientation: +1, or -1 if ``left_null`` is reversed relative to its continuation from the start.
     """
 
@@ -190,7 +190,7 @@ class PoseCurve:
     def at(self, i: int, ds: float, *, predictor_only: bool = False) -> CurvePoint:
         """Return the point at arclength ds after node i, before node i + 1; without a corrector if ``predictor_only``.
 
-        The predictor is a weighted mean of those from both nodes: third-order weights give a fourth-order error.
+        The predictor is a mean of those from both nodes, with cubic weights that cancel their third-order errors.
 
         Raises:
             StepError: if the corrector does not converge.
@@ -247,12 +247,12 @@ class PoseCurve:
         last = np.inf
         for _ in range(ITERATIONS):
             g, G = self.closures(q, u)
-            left, sizes, right = _svd(G[:-1])
-            if self.r and not sizes[self.r - 1] > tol.EPS * sizes[0]:
+            left, sigmas, right = _svd(G[:-1])
+            if self.r and not sigmas[self.r - 1] > tol.EPS * sigmas[0]:
                 return None
             if last <= CONVERGED:
-                return q, u if fixed_input else u + float(g[-1]), (left, sizes, right), G[-1]
-            x = -(left[:, : self.r].T @ g[:-1] / sizes[: self.r]) @ right[: self.r]
+                return q, u if fixed_input else u + float(g[-1]), (left, sigmas, right), G[-1]
+            x = -(left[:, : self.r].T @ g[:-1] / sigmas[: self.r]) @ right[: self.r]
             if fixed_input:
                 tau = right[self.r]
                 if not (speed := G[-1] @ tau):
@@ -266,16 +266,16 @@ class PoseCurve:
 
     def _point(self, corrected: "Corrected", neighbour: CurvePoint, s: float) -> CurvePoint:
         """Return the point of a corrected pose at arclength s, oriented as a neighbour."""
-        q, u, (left, sizes, right), e = corrected
+        q, u, (left, sigmas, right), e = corrected
         r = self.r
         sign = 1.0 if right[r] @ neighbour.tau > 0 else -1.0
         tau, null = sign * right[r], left[:, r:]
         gamma = self.system.gamma(q, self.scales * tau, u) / self.row_scales
-        kappa = -(left[:, :r].T @ gamma[:-1] / sizes[:r]) @ right[:r] if r else np.zeros(1)
+        kappa = -(left[:, :r].T @ gamma[:-1] / sigmas[:r]) @ right[:r] if r else np.zeros(1)
         reversal = np.sign(np.linalg.det(null.T @ neighbour.left_null)) if null.shape[1] else 1.0
         orientation = neighbour.orientation * reversal
         det_sign = sign * orientation * np.sign(np.linalg.det(right) * np.linalg.det(left))
-        sigma = float(sizes[r - 1] * det_sign) if r else 1.0
+        sigma = float(sigmas[r - 1] * det_sign) if r else 1.0
         return CurvePoint(s, q, u, tau, kappa, float(e @ tau), float(e @ kappa + gamma[-1]), sigma, null, orientation)
 
 
@@ -285,5 +285,5 @@ Corrected = tuple[Array, float, tuple[Array, Array, Array], Array]
 def _svd(G: Array) -> tuple[Array, Array, Array]:
     if not len(G):
         return np.eye(0), np.zeros(0), np.eye(G.shape[1])
-    left, sizes, right, _ = dgesdd(G)
-    return left, sizes, right
+    left, sigmas, right, _ = dgesdd(G)
+    return left, sigmas, right

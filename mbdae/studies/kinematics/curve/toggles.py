@@ -73,19 +73,19 @@ def _zeros(traced: TracedCurve, i: int) -> list[CurvePoint]:
 
 
 def toggle_table(
-    found: Sequence[Toggle], names: Mapping[str, Array], drive: str, unit: str, units: Mapping[str, str]
+    found: Sequence[Toggle], coordinates: Mapping[str, Array], drive: str, unit: str, units: Mapping[str, str]
 ) -> list[list[str]]:
     """Return a table of toggle positions with the reversing joints, the input and all other coordinates.
 
     Args:
         found: m toggle positions.
-        names: values of each coordinate by name, (m,) each.
+        coordinates: values of each coordinate by name, (m,) each.
         drive: name of the input.
         unit: unit of the input.
         units: units of the coordinates by name.
     """
     shown = {drive: displayed(np.array([t.u for t in found]), unit)}
-    shown |= {name.removeprefix("q."): displayed(x, units.get(name, "")) for name, x in names.items()}
+    shown |= {name.removeprefix("q."): displayed(x, units.get(name, "")) for name, x in coordinates.items()}
     headers = ["reverses", *(f"{name} ({u})" if u not in ("", "1") else name for name, (_, u) in shown.items())]
     values = np.array([x for x, _ in shown.values()]).T if found else np.empty((0, 0))
     rows = [[f"{rounded_zero(x):.9g}" for x in row] for row in values]

@@ -25,7 +25,7 @@ class FlowTangent:
 
     Attributes:
         fixed: tangent of the end at a fixed time, (ny, m).
-        dt: tangent of the time of the section, (m,); zeros for a fixed duration.
+        dt: tangent of the time at which the section is crossed, (m,); zeros for a fixed duration.
         rate: y' at the end, in the tangent, (ny,).
         first_rate: y' at the first node, (ny,).
         start: tangent of the first node before sampling by controllers, (ny, m).

@@ -1,6 +1,6 @@
 """Floquet multipliers: eigenvalues of the product of the tangents over the segments of one period.
 
-The product M_k ... M_1 has entries as large as the largest multiplier, so its small eigenvalues have no digits left.
+The product M_k ... M_1 has entries as large as the largest multiplier, so its small eigenvalues have no correct digits.
 Orthogonal iteration over the factors, M_i Q_i-1 = Q_i R_i, leads to a periodic Schur form: the diagonal blocks of the
 R_i, multiplied block by block, have all multipliers.
 Source: Bojanczyk, Golub, Van Dooren, The periodic Schur decomposition (1992); Lust,

@@ -9,7 +9,7 @@ from ....mechanism.hybrid.kinds.unilateral import OPEN, gaps
 from ....mechanism.hybrid.mode_point import AllRows, ModePoint
 from ....system import Array
 from ....tolerances import HALF_DIGITS, SOLUTION_ROUNDING, THREE_DIGITS, TRUNCATION, VISIBLE
-from .cycle import ShootingEquations
+from .shooting_equations import ShootingEquations
 
 MAX_ITERATIONS, MAX_HALVINGS = 30, 8
 GAIN = 0.1  # ratio of residuals below which an iteration is an improvement, not rounding
@@ -63,15 +63,15 @@ def _step(current: ShootingEquations, truncation: float) -> Array:
     additional unknown (Munoz-Almaraz et al., Physica D 181 (2003) 1).
     """
     unknowns = current.matrix.shape[1] - current.p
-    matrix, right = current.matrix[:, :unknowns], np.zeros(len(current.matrix))
-    right[: len(current.residual)] = -current.residual
+    matrix, rhs = current.matrix[:, :unknowns], np.zeros(len(current.matrix))
+    rhs[: len(current.residual)] = -current.residual
     if conservative(current):
         n, last = current.n, len(current.residual) - current.n
         gradient, along, level = current.energy_gradient(0), np.zeros((len(matrix), 1)), np.zeros((1, unknowns + 1))
         gradient = gradient / (np.linalg.norm(gradient) or 1.0)
         along[last : last + n, 0] = level[0, :n] = gradient
-        matrix, right = np.vstack([np.hstack([matrix, along]), level]), np.append(right, 0.0)
-    return np.linalg.lstsq(matrix, right, rcond=truncation)[0][:unknowns]
+        matrix, rhs = np.vstack([np.hstack([matrix, along]), level]), np.append(rhs, 0.0)
+    return np.linalg.lstsq(matrix, rhs, rcond=truncation)[0][:unknowns]
 
 
 def conservative(current: ShootingEquations) -> bool:

@@ -32,7 +32,7 @@ SHORTEST = 0.5  # smallest ratio of the periods of successive iterations
 
 @dataclass(frozen=True)
 class Cycle:
-    """Kind of a periodic motion.
+    """Definition of a periodic motion.
 
     Attributes:
         t: start time.
@@ -83,7 +83,7 @@ class ShootingEquations:
     Args:
         system: a workspace.
         flow: the runs.
-        cycle: kind of the motion.
+        cycle: definition of the motion.
         guess: the guess.
     """
 
