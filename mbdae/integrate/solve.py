@@ -44,7 +44,7 @@ def solve(
         q' = v,   M(q) v' = f(t, q, v) + G(q)^T lam,   0 = G(q) v + g_t(t, q);      y' = f(t, y, z),   0 = g(t, y)
 
     Half-explicit methods satisfy the constraint at every stage (Brasey, Hairer, SIAM J. Numer. Anal. 30 (1993); Murua,
-    Appl. Numer. Math. 24 (1997); Arnold, BIT 38 (1998)), Radau IIA methods by collocation (Hairer, Wanner II, VII.4).
+    Computing 59 (1997); Arnold, BIT 38 (1998)), Radau IIA methods by collocation (Hairer, Wanner II, VII.4).
 
     Defaults come from the ``[solve]`` table of a mechanism file (`mbdae.mechanism.model_settings.SolveSettings`).
 

@@ -21,7 +21,7 @@ def half_explicit_step(system: System, tableau: "Tableau | ExplicitMethod", t: f
     Raises:
         mbdae.errors.StepError: if a stage cannot be solved.
 
-    Source: Brasey, Hairer, SIAM J. Numer. Anal. 30 (1993), (2.1); Murua, Appl. Numer. Math. 24 (1997);
+    Source: Brasey, Hairer, SIAM J. Numer. Anal. 30 (1993), (2.1); Murua, Computing 59 (1997);
         Arnold, BIT 38 (1998), (6).
     """
     a = tableau.arrays

@@ -12,7 +12,7 @@ def hessenberg_a() -> Hessenberg:
 
         y1' = y1 y2^2 z^2,  y2' = y1^2 y2^2 - 3 y2^2 z,  0 = y1^2 y2 - 1
 
-    Source: Murua, Appl. Numer. Math. 24 (1997), section 5.
+    Source: Murua, Computing 59 (1997).
     """
 
     def f(t, y, z):
