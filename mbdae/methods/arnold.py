@@ -1,7 +1,7 @@
 """Half-explicit methods with explicit stages: the constraint is imposed at the point of the next stage.
 
-Ahat_i = A_{i+1}, so G is evaluated at one point per stage instead of two. Source: M. Arnold,
-Half-explicit Runge-Kutta methods with explicit stages for differential-algebraic systems of index 2, BIT 38
+The first stage is explicit, and Ahat_i = A_{i+1} after it, so that G is evaluated at one point per stage. Source:
+M. Arnold, Half-explicit Runge-Kutta methods with explicit stages for differential-algebraic systems of index 2, BIT 38
 (1998).
 """
 

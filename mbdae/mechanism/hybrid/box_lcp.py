@@ -1,11 +1,11 @@
-"""Active-set selection: Gauss's principle of least constraint over a box of multipliers.
+"""Active-set selection: the dual of Gauss's principle of least constraint, over a box of multipliers.
 
     minimize  lam^T W lam/2 + lam^T c,   lower <= lam <= upper,   W = S A S^T,  c = S a + gamma_S
 
-S are the rows that may become active, a the accelerations without them, A = M^-1 projected onto the null space of the
-active rows. Rows with a multiplier between its bounds do not accelerate; rows at a bound accelerate with the sign that
-the bound allows. c = S A^1/2 d, unless dependent rows contradict each other, such as the contacts of a valve with its
-seat and with the cam that lifts it.
+W is the Delassus matrix, S the rows that may become active, a the accelerations without them, A = M^-1 projected onto
+the null space of the active rows. Rows with a multiplier between its bounds do not accelerate; rows at a bound
+accelerate with the sign that the bound allows. c = S A^1/2 d, unless dependent rows are inconsistent, such as the
+contacts of a valve with its seat and with the cam that lifts it.
 
 Source: Moreau (1966), Quadratic programming in mechanics, SIAM J. Control 4.
 """
@@ -17,7 +17,7 @@ from ...system import Array
 from ...tolerances import MODE_ROUNDING, ROUNDING, TRUNCATION
 
 lsq_linear = lazy_import("scipy.optimize", "lsq_linear")
-MAX_SETS = 100  # active sets per row
+MAX_ITERATIONS = 100  # per row
 WELL_CONDITIONED = 0.1  # smallest squared sine of the angle between two rows for a solution by normal equations
 
 
@@ -43,7 +43,7 @@ def solve_box_lcp(C: Array, c: Array, lower: Array, upper: Array) -> Array:
     elif len(c) == 2 and 1 - (A[:, 0] @ A[:, 1]) ** 2 > WELL_CONDITIONED:
         x = _solve_two_rows(float(A[:, 0] @ A[:, 1]), (A.T @ b).tolist(), *(x.tolist() for x in bounds))
     else:
-        x = lsq_linear(A, b, bounds, method="bvls", tol=ROUNDING, max_iter=MAX_SETS * len(c)).x
+        x = lsq_linear(A, b, bounds, method="bvls", tol=ROUNDING, max_iter=MAX_ITERATIONS * len(c)).x
     return x * scale / sizes
 
 
@@ -67,7 +67,7 @@ def _solve_contradicting_rows(A: Array, c: Array, lower: Array, upper: Array) ->
     """
     x, zero = np.clip(np.zeros(len(c)), lower, upper), MODE_ROUNDING * float(np.abs(c).max())
     free = (lower < x) & (x < upper)
-    for _ in range(MAX_SETS * len(c)):
+    for _ in range(MAX_ITERATIONS * len(c)):
         gradient = A.T @ (A @ x) + c
         step, full = np.zeros(len(c)), 1.0
         if free.any():

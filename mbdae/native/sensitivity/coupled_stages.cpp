@@ -144,8 +144,8 @@ void CoupledStages::forward(int directions, double* tangents, const double* dp, 
   Eigen::Map<Matrix> tangent_matrix(tangents, width, directions);
   const Eigen::Map<const Matrix> p(dp, k, k ? directions : 0);
   const Matrix dy = tangent_matrix.topRows(ny);
-  Eigen::VectorXd rate = Eigen::VectorXd::Zero(directions);
-  if (dh) rate = Eigen::Map<const Eigen::VectorXd>(dh, directions);
+  Eigen::VectorXd step_tangent = Eigen::VectorXd::Zero(directions);
+  if (dh) step_tangent = Eigen::Map<const Eigen::VectorXd>(dh, directions);
   std::vector<Matrix> dF(n, Matrix::Zero(ny, directions));
   Matrix mu_velocity = Matrix::Zero(mu_size, directions);
   if (first) {
@@ -161,11 +161,11 @@ void CoupledStages::forward(int directions, double* tangents, const double* dp, 
     for (int j = 0; j < n; ++j) {
       const double a = a_.A[i * n + j], ahat = a_.Ahat[i * n + j];
       if (!a_.coupled && j < i) dx += h_ * a * dF[j], dxhat += h_ * ahat * dF[j];
-      if (dh) dx += a * steps_->F.row(j).transpose() * rate.transpose();
-      if (dh) dxhat += ahat * steps_->F.row(j).transpose() * rate.transpose();
+      if (dh) dx += a * steps_->F.row(j).transpose() * step_tangent.transpose();
+      if (dh) dxhat += ahat * steps_->F.row(j).transpose() * step_tangent.transpose();
     }
     b -= e.x.lazyProduct(dx) + e.xhat.lazyProduct(dxhat.topRows(2 * nv));
-    if (dh) b -= (a_.c[i] * e.t + a_.chat[i] * e.that) * rate.transpose();
+    if (dh) b -= (a_.c[i] * e.t + a_.chat[i] * e.that) * step_tangent.transpose();
     if (dt) b -= (e.t + e.that) * Eigen::Map<const Eigen::VectorXd>(dt, directions).transpose();
     if (a_.coupled) {
       rhs.middleRows((i - first) * m, m) = b;
@@ -182,7 +182,7 @@ void CoupledStages::forward(int directions, double* tangents, const double* dp, 
   Matrix dx = Matrix::Zero(ny, directions);
   for (int i = 0; i < n; ++i) {
     dx += h_ * a_.b[i] * dF[i];
-    if (dh) dx += a_.b[i] * steps_->F.row(i).transpose() * rate.transpose();
+    if (dh) dx += a_.b[i] * steps_->F.row(i).transpose() * step_tangent.transpose();
   }
   tangent_matrix.topRows(ny) = dy + dx;
   for (const IntegratePartialsBlock& b : end_)

@@ -34,4 +34,4 @@ def atlas(study: Study, out: Output, models: tuple[str, ...], data: str | None, 
     out.emit(result.to_dict(), str(result), out.written if result.runs else [])
     if not result.complete:
         resume = f"; {data} has the finished results, the same command resumes from them" if data else ""
-        exit_interrupted(f"after {len(result.runs)} of {result.requested} methods on models{resume}")
+        exit_interrupted(f"after {len(result.runs)} of {result.requested} pairs of a method and a model{resume}")

@@ -10,11 +10,12 @@ from markupsafe import Markup
 
 from ...tabular import finite
 from ..comparison.comparison import QUANTITIES
+from ..comparison.ranking import RankingEntry
 from ..comparison.run_result import RunResult
 from ..figures import line_style
 from ..method_variant import Variant
 from ..report.templates import rendered
-from .result import WORKS, Atlas
+from .result import WORK_MEASURES, Atlas
 
 if TYPE_CHECKING:
     from .method_runs import LongRun, MethodRuns
@@ -83,10 +84,12 @@ def _floors(atlas: Atlas, model: str) -> dict[str, float | None]:
 
 def _ranks(atlas: Atlas, model: str, quantity: str, methods: list[str]) -> list[list[Any]]:
     """Return the error, and for each kind of work [index of the method, work, 1 if an upper bound], the best first."""
-    return [
-        [target, *([[methods.index(x.method), rounded(x.work), int(x.bound)] for x in r[w] if x.work] for w in WORKS)]
-        for target, r in atlas.rankings(model, quantity).items()
-    ]
+
+    def entries(ranking: list[RankingEntry]) -> list[list[Any]]:
+        return [[methods.index(x.method), rounded(x.work), int(x.bound)] for x in ranking if x.work]
+
+    ranks = atlas.rankings(model, quantity)
+    return [[target, *(entries(r[measure]) for measure in WORK_MEASURES)] for target, r in ranks.items()]
 
 
 def _runs(runs: tuple["MethodRuns", ...], models: list[str], methods: list[str]) -> list[list[Any]]:

@@ -19,11 +19,11 @@ from .method_runs import MethodRuns
 from .model_motion import ModelMotion
 
 PAGE, DATA = ".html", ".json"
-WORKS: tuple[Work, ...] = ("solves", "f", "seconds")
-SHOWN_WORKS: tuple[Work, ...] = ("solves", "seconds")  # in the summary
+WORK_MEASURES: tuple[Work, ...] = ("solves", "f", "seconds")
+SHOWN_WORK_MEASURES: tuple[Work, ...] = ("solves", "seconds")  # in the summary
 STIFF = "stiff"  # status of finished runs with a stiffness warning
 NOISE = 0.9  # quantile of the scatter of CPU times that is reported as noise
-SHOWN_TOLERANCES = (1e-2, 1e-4, 1e-6, 1e-8)  # errors of q in the text
+SHOWN_TARGETS = (1e-2, 1e-4, 1e-6, 1e-8)  # errors of q in the summary
 
 
 class BestMethod(NamedTuple):
@@ -35,7 +35,7 @@ class BestMethod(NamedTuple):
         fewest: methods with the fewest linear solves, to 1 %.
         solves: number of these solves; an upper bound if ``bound``.
         bound: whether even the coarsest run is more accurate.
-        fastest: methods with the least CPU time, to the noise.
+        fastest: methods with the least CPU time, within the noise.
         seconds: the least CPU time in s.
     """
 
@@ -49,7 +49,7 @@ class BestMethod(NamedTuple):
 
 
 class FailedRun(NamedTuple):
-    """A run that failed, or a method that does not suit a model; all fields are texts."""
+    """A run that failed or has a warning, or a method that does not suit a model; all fields are texts."""
 
     model: str
     method: str
@@ -70,7 +70,7 @@ class Atlas(Tabular):
         runs: the runs of each method on each model.
         complete: False if the atlas was stopped before its end.
         models: number of requested models.
-        requested: number of requested methods on models.
+        requested: number of requested pairs of a method and a model.
         meta: back end, machine, versions, tolerances, command, date.
     """
 
@@ -114,7 +114,7 @@ class Atlas(Tabular):
 
     @cached_property
     def failures(self) -> list[FailedRun]:
-        """Failed runs, methods that do not suit a model, and models without runs, with their reasons."""
+        """Runs that failed or have a warning, unsuitable methods, and models without runs, with their reasons."""
         out = [FailedRun(m.model, "", "", "omitted", m.failure) for m in self.motions if m.failure]
         for m in self.motions:
             out += [FailedRun(m.model, method, "", "omitted", reason) for method, reason in m.omitted.items()]
@@ -137,42 +137,47 @@ class Atlas(Tabular):
     def cells(self) -> list[list[str]]:
         """Return for each model the methods with the fewest linear solves, by error of q."""
         found = {(w.model, w.target): w for w in self.wins}
-        rows = [[m.model, *(_cell(found.get((m.model, target))) for target in SHOWN_TOLERANCES)] for m in self.motions]
-        return [["fewest solves to an error of q of", *(f"{x:.0e}" for x in SHOWN_TOLERANCES)], *rows]
+        rows = [[m.model, *(_cell(found.get((m.model, target))) for target in SHOWN_TARGETS)] for m in self.motions]
+        return [["fewest solves to an error of q of", *(f"{x:.0e}" for x in SHOWN_TARGETS)], *rows]
 
     def summary(self) -> list[str]:
-        """Return for each error in the text on how many models each method needs the fewest solves, or least time."""
+        """Return, for each target error, on how many models each method needs the fewest solves or the least time."""
         out = []
-        for target in SHOWN_TOLERANCES:
+        for target in SHOWN_TARGETS:
             wins = [w for w in self.wins if w.target == target]
             if wins:
                 solves, seconds = (_counted([getattr(w, x) for w in wins]) for x in ("fewest", "fastest"))
-                out.append(f"{target:.0e} ({len(wins)} models): fewest solves {solves}; fastest, to noise, {seconds}")
+                fastest = f"fastest, within the noise, {seconds}"
+                out.append(f"{target:.0e} ({len(wins)} models): fewest solves {solves}; {fastest}")
         return out
 
     def __str__(self) -> str:
         where = f"{self.meta['backend']} back end, {self.meta['machine']}"
-        done = "" if self.complete else f" (stopped: {len(self.runs)} of {self.requested} methods on models so far)"
+        so_far = f"{len(self.runs)} of {self.requested} pairs of a method and a model"
+        done = "" if self.complete else f" (stopped: {so_far})"
         failed = Counter(f.status for f in self.failures)
         lines = [
             f"atlas of {self.counts}{done}",
             f"all runs: {where}; CPU times vary by a factor of {self.noise:.2f}",
             "",
         ]
-        failures = ", ".join(f"{status} {n}" for status, n in failed.most_common())
-        return "\n".join(
-            [*lines, *align_columns(self.cells()), "", *self.summary(), *([f"failures: {failures}"] if failed else [])]
-        )
+        lines += [*align_columns(self.cells()), "", *self.summary()]
+        if failed:
+            listed = ", ".join(f"{status} {n}" for status, n in failed.most_common())
+            lines.append(f"failures and warnings: {listed}")
+        return "\n".join(lines)
 
     def rankings(self, model: str, quantity: str) -> dict[float, dict[Work, list[RankingEntry]]]:
         """Return the methods of a model by work, for each power of ten of an error."""
         c = self.comparisons[model]
-        return {x: {work: c.ranking(x, work=work, quantity=quantity) for work in WORKS} for x in c.targets(quantity)}
+        return {
+            x: {work: c.ranking(x, work=work, quantity=quantity) for work in WORK_MEASURES} for x in c.targets(quantity)
+        }
 
     def to_dict(self) -> JsonObject:
-        """Return JSON data: for each model the work to errors of q, rates of the energy, and failures.
+        """Return JSON data: for each model the work for errors of q, the energy drift, and failures.
 
-        Amounts of work are in the order of the methods, negative for upper bounds; the data file has all runs.
+        Amounts of work are in the order of the methods, negative for upper bounds. `AtlasData` stores all runs.
         """
         models = {m.model: self._model_data(m) for m in self.motions}
         return {"meta": self.meta, "complete": self.complete, "noise": round(self.noise, 3), "models": models}
@@ -185,7 +190,7 @@ class Atlas(Tabular):
         }  # fmt: skip
         if m.model in self.comparisons:
             out["work"] = {
-                f"{target:.0e}": {work: _works(found[work], m.methods) for work in SHOWN_WORKS}
+                f"{target:.0e}": {work: _signed_work(found[work], m.methods) for work in SHOWN_WORK_MEASURES}
                 for target, found in self.rankings(m.model, "q").items()
             }
         runs = [r for r in self.runs if r.model == m.model]
@@ -228,10 +233,10 @@ def _counted(names: list[tuple[str, ...]]) -> str:
     return ", ".join(f"{name} {n}" for name, n in Counter(x for some in names for x in some).most_common())
 
 
-def _works(entries: list[RankingEntry], methods: tuple[str, ...]) -> list[float | None]:
+def _signed_work(entries: list[RankingEntry], methods: tuple[str, ...]) -> list[float | None]:
     found = {x.method: (x.work, x.bound) for x in entries}
-    works = [found.get(name, (None, False)) for name in methods]
-    return [None if work is None else (_rounded(-work) if bound else _rounded(work)) for work, bound in works]
+    amounts = [found.get(name, (None, False)) for name in methods]
+    return [None if work is None else (_rounded(-work) if bound else _rounded(work)) for work, bound in amounts]
 
 
 def _rounded(x: float | None) -> float | None:

@@ -32,12 +32,12 @@ PAGE = output_file(
     more=[click.option("--toggles", is_flag=True, help="List the poses in which a joint reverses.")],
 )
 def kinematics(study: Study, model: ChosenModel, speed: float | None, toggles: bool, **options: Any) -> Result:
-    """Trace the poses of a mechanism over an input. It has one degree of freedom; rates, dead points, branches."""
+    """Trace the poses of a mechanism of one degree of freedom over an input, with rates, dead points and branches."""
     return replace(study(model.load(), **options), listed=toggles)
 
 
 @command("drive at hold apart", shared="units")
 def assembly_modes(study: Study, out: Output, model: ChosenModel, **options: Any) -> None:
-    """Find all poses that satisfy the closures at one input."""
+    """Find the poses that satisfy the closures at one input."""
     found = study(model.load(), **options)
     emit(found.to_dict(), str(found), out.as_json)

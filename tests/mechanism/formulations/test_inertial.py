@@ -7,7 +7,7 @@ from chains import JOINTS, close, random_q, tree
 
 from mbdae import finite_differences
 from mbdae.errors import InputError
-from mbdae.mechanism.formulations import inertial_forces
+from mbdae.mechanism.formulations import inverse_dynamics
 from mbdae.mechanism.tree.expanded_tree import expand, factor_joints
 
 
@@ -15,7 +15,7 @@ from mbdae.mechanism.tree.expanded_tree import expand, factor_joints
 @pytest.mark.parametrize("largest", [0, 100])
 def test_inertial_partials_on_every_kind_of_joint(kind, largest, monkeypatch):
     """From Pinocchio, and from large models with nv^2 numbers."""
-    monkeypatch.setattr(inertial_forces, "MAX_PINOCCHIO_NV", largest)
+    monkeypatch.setattr(inverse_dynamics, "MAX_PINOCCHIO_NV", largest)
     model, rng = tree([kind, "rx", kind, kind], [0, 1, 2, 1], seed=1), np.random.default_rng(2)
     model.armature = rng.uniform(0.1, 0.5, model.nv)
     q, (v, a), data = random_q(model, rng), rng.standard_normal((2, model.nv)), model.createData()
@@ -23,9 +23,9 @@ def test_inertial_partials_on_every_kind_of_joint(kind, largest, monkeypatch):
     def tau(x, dv=0.0):
         return pin.rnea(model, data, pin.integrate(model, q, x), v + dv, a).copy()
 
-    M, by_q, by_v = inertial_forces.InertialForces(model).partials(q, v, a)
-    close(by_q, finite_differences.numerical_jacobian(tau, model.nv, 1e-2))
-    close(by_v, finite_differences.numerical_jacobian(lambda x: tau(np.zeros(model.nv), x), model.nv, 1e-2))
+    M, dtau_dq, dtau_dv = inverse_dynamics.InverseDynamics(model).partials(q, v, a)
+    close(dtau_dq, finite_differences.numerical_jacobian(tau, model.nv, 1e-2))
+    close(dtau_dv, finite_differences.numerical_jacobian(lambda x: tau(np.zeros(model.nv), x), model.nv, 1e-2))
     U = np.triu(pin.crba(model, data, q))
     close(M, U + np.triu(U, 1).T, 1e-14)
 

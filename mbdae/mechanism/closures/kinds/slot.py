@@ -8,7 +8,7 @@ from ..profiles import AnyProfile, Profile
 
 
 class SlotClosure(BetweenFrames):
-    """1 row: b's origin stays on a curve in the x-y plane of a.
+    """1 row: the projection of b's origin onto the x-y plane of a stays on a curve.
 
     Attributes:
         profile: the curve in the x-y plane of the first frame.
@@ -23,5 +23,5 @@ class SlotClosure(BetweenFrames):
 
     @classmethod
     def create(cls, a: str, b: str, profile: AnyProfile, name: str = "") -> "SlotClosure":
-        """The origin of b stays on a curve of a."""
+        """Create the closure of two frames, whose curve lies in the x-y plane of a."""
         return cls(frames=(a, b), profile=profile, name=name)

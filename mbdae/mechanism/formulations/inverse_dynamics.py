@@ -1,4 +1,4 @@
-"""Inertial forces M v' + nle and their exact derivatives, on the expanded tree."""
+"""Inverse dynamics M v' + nle and its exact partial derivatives, on the expanded tree."""
 
 from functools import cached_property
 
@@ -16,8 +16,8 @@ MAX_PINOCCHIO_NV = 100
 """Largest nv for Pinocchio's derivatives, whose workspace has several nv^3 numbers, up to 40 MB."""
 
 
-class InertialForces:
-    """M v' + nle of a model, in a separate workspace that is created on first use."""
+class InverseDynamics:
+    """Inverse dynamics M v' + nle of a model, in a separate workspace that is created on first use."""
 
     def __init__(self, model: pin.Model) -> None:
         self.compact = model
@@ -35,17 +35,17 @@ class InertialForces:
     def partials(self, q: Array, v: Array, vdot: Array) -> tuple[Array, Array, Array]:
         """Return M and the derivatives of M v' + nle with respect to q and v, (nv, nv) each; views of the workspace."""
         if self.model.nv > MAX_PINOCCHIO_NV:
-            M, by_q, by_v = self._composite_body_partials(q, v, vdot)
+            M, dtau_dq, dtau_dv = self._composite_body_partials(q, v, vdot)
         else:
             pin.computeRNEADerivatives(self.model, self.data, q, v, vdot)
-            M, by_q, by_v = self.data.M, self.data.dtau_dq, self.data.dtau_dv
+            M, dtau_dq, dtau_dv = self.data.M, self.data.dtau_dq, self.data.dtau_dv
         if self._flexible is None:
-            return M, by_q, by_v
+            return M, dtau_dq, dtau_dv
         data, base = self._flexible, -self.compact.gravity.vector
         M = symmetric(update_inertia(self.compact, data, q))
         joint = np.repeat(np.arange(self.model.njoints), self.model.nvs)
         more = [inertial_partials(body, data, joint, q, v, vdot, base) for body in data.flexible]
-        return M, by_q + sum(x for x, _ in more), by_v + sum(x for _, x in more)
+        return M, dtau_dq + sum(x for x, _ in more), dtau_dv + sum(x for _, x in more)
 
     @cached_property
     def _flexible(self) -> pin.Data | None:
@@ -53,11 +53,11 @@ class InertialForces:
         return make_data(self.compact) if flexible_bodies(self.compact) else None
 
     @cached_property
-    def without_gravity(self) -> "InertialForces":
-        """Inertial forces of the model without gravity."""
+    def without_gravity(self) -> "InverseDynamics":
+        """Inverse dynamics of the model without gravity."""
         model = copy_model(self.compact)
         model.gravity = pin.Motion.Zero()
-        return InertialForces(model)
+        return InverseDynamics(model)
 
     def momentum_partials(self, q: Array, w: Array) -> tuple[Array, Array]:
         """Return M and d(M w)/dq for constant w, (nv, nv) each; views of the workspace."""
@@ -71,7 +71,7 @@ class InertialForces:
         model, data = self.model, self.data
         pin.forwardKinematics(model, data, q, v, vdot)
         J, gravity = pin.computeJointJacobians(model, data, q), model.gravity
-        Y, B = np.zeros((2, model.njoints, 6, 6))  # composite inertias, and their rates with momenta
+        Y, B = np.zeros((2, model.njoints, 6, 6))  # composite inertias; their rates plus crossed momenta
         F, V, A = np.zeros((3, model.njoints, 6))
         A[0] = -gravity.vector
         for j in range(1, model.njoints):
@@ -96,15 +96,15 @@ class InertialForces:
 
         YJ, BTJ = times(Y, J), times(B.transpose(0, 2, 1), J)
         FJ = times(np.array([wrench_matrix(wrench) for wrench in F]), J)
-        before, strictly_before = self.precedes, self.precedes & ~self.precedes.T  # m <= k, m < k
-        dq = before * J.T.dot(times(B, dV) + times(Y, dA)) + strictly_before * J.T.dot(FJ)
-        dq += (strictly_before * (dA.T.dot(YJ) + dV.T.dot(BTJ))).T
-        dv = before * J.T.dot(times(B, J) + times(Y, dA_v)) + (strictly_before * (dA_v.T.dot(YJ) + J.T.dot(BTJ))).T
+        supports, proper = self.supports, self.supports & ~self.supports.T  # ancestors or self; proper ancestors
+        dtau_dq = supports * J.T.dot(times(B, dV) + times(Y, dA)) + proper * J.T.dot(FJ)
+        dtau_dq += (proper * (dA.T.dot(YJ) + dV.T.dot(BTJ))).T
+        dtau_dv = supports * J.T.dot(times(B, J) + times(Y, dA_v)) + (proper * (dA_v.T.dot(YJ) + J.T.dot(BTJ))).T
         JYJ = J.T.dot(YJ)
-        return before * JYJ + (strictly_before * JYJ).T + np.diag(model.armature), dq, dv
+        return supports * JYJ + (proper * JYJ).T + np.diag(model.armature), dtau_dq, dtau_dv
 
     @cached_property
-    def precedes(self) -> Array:
+    def supports(self) -> Array:
         """True where the joint of row m is the joint of column k or an ancestor of it, (nv, nv)."""
         joint = np.repeat(np.arange(self.model.njoints), self.model.nvs)
         out = np.zeros((self.model.njoints, self.model.njoints), bool)
