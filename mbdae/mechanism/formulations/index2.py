@@ -19,7 +19,7 @@ from ..tree import tree_terms as tree
 from ..tree.pinocchio_data import PinocchioData
 from . import equation_partials, features, residuals
 from .closure_friction import ClosureFriction, solve_with_friction
-from .inverse_dynamics import InverseDynamics
+from .inverse_dynamics import InverseDynamicsPartials
 from .steps import index2_step, interpolation, projection, row_selection
 from .steps.newmark_step import newmark_step
 from .steps.variational import variational_step
@@ -51,7 +51,7 @@ class Index2System(PinocchioData, RunVariables, System):
         self.model, self.manifold = mechanism.model, mechanism.manifold
         self.laws = mechanism.bind_forces(self.workspace).attached(self)
         if not (before and before.model is mechanism.model and before.constraints is mechanism.constraints):
-            self.inertial = InverseDynamics(self.model)
+            self.inertial = InverseDynamicsPartials(self.model)
             tree.update_flexible(self.model, self.workspace)
             self.constraints = Constraints(self.model, self.workspace, mechanism.constraints)
             self.constraints.inactive = inactive_rows(mechanism.switches, self.mode)

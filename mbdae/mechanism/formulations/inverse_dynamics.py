@@ -16,7 +16,7 @@ MAX_PINOCCHIO_NV = 100
 """Largest nv for Pinocchio's derivatives, whose workspace has several nv^3 numbers, up to 40 MB."""
 
 
-class InverseDynamics:
+class InverseDynamicsPartials:
     """Inverse dynamics M v' + nle of a model, in a separate workspace that is created on first use."""
 
     def __init__(self, model: pin.Model) -> None:
@@ -53,11 +53,11 @@ class InverseDynamics:
         return make_data(self.compact) if flexible_bodies(self.compact) else None
 
     @cached_property
-    def without_gravity(self) -> "InverseDynamics":
+    def without_gravity(self) -> "InverseDynamicsPartials":
         """Inverse dynamics of the model without gravity."""
         model = copy_model(self.compact)
         model.gravity = pin.Motion.Zero()
-        return InverseDynamics(model)
+        return InverseDynamicsPartials(model)
 
     def momentum_partials(self, q: Array, w: Array) -> tuple[Array, Array]:
         """Return M and d(M w)/dq for constant w, (nv, nv) each; views of the workspace."""

@@ -23,7 +23,7 @@ def test_inertial_partials_on_every_kind_of_joint(kind, largest, monkeypatch):
     def tau(x, dv=0.0):
         return pin.rnea(model, data, pin.integrate(model, q, x), v + dv, a).copy()
 
-    M, dtau_dq, dtau_dv = inverse_dynamics.InverseDynamics(model).partials(q, v, a)
+    M, dtau_dq, dtau_dv = inverse_dynamics.InverseDynamicsPartials(model).partials(q, v, a)
     close(dtau_dq, finite_differences.numerical_jacobian(tau, model.nv, 1e-2))
     close(dtau_dv, finite_differences.numerical_jacobian(lambda x: tau(np.zeros(model.nv), x), model.nv, 1e-2))
     U = np.triu(pin.crba(model, data, q))
