@@ -63,7 +63,7 @@ def test_a_crossing_projected_too_far_is_rejected(monkeypatch):
             return found
         q, v = system.split(found.y)
         y = np.concatenate([system.manifold.integrate(q, 1e-3 * v), found.y[system.nq :]])
-        return found._replace(y=y, move=found.move + system.difference(found.y, y))
+        return found._replace(y=y, correction=found.correction + system.difference(found.y, y))
 
     monkeypatch.setattr(singularity, "cross_singularity", counted)
     expected = crossed(mech, rtol=1e-8)
