@@ -35,7 +35,7 @@ COARSE = {  # resolution of studies
     "report.report.TOLERANCES": (1e-4, 1e-6), "view.sliders.POSES": 7, "statics.equilibria.INPUTS": 1,
     "statics.equilibria.POINTS": 61, "replay.plot_panels.POINTS": 50, "replay.replay.MIN_FRAMES": 5,
     "replay.replay.MAX_FRAMES": 9, "view.sliders.MAX_SLIDERS": 2, "replay.html_page.COMPRESSION_LEVEL": 0,
-    "order.measurement.Measurement.largest": 3000, "statics.continuation.MAX_STEP": 0.3,
+    "order.measurement.Measurement.max_solves": 3000, "statics.continuation.MAX_STEP": 0.3,
     "kinematics.curve.curve_tracing.PREDICTOR_ERROR": 0.2,
 }  # fmt: skip
 tightest_run, rest = ReferenceMotion.tightest, contacts.find_equilibrium_on_contacts
