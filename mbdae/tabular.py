@@ -176,8 +176,8 @@ def align_columns(rows: Sequence[Sequence[str]]) -> list[str]:
 
 def table(cells: Sequence[Sequence[str]]) -> str:
     """Return an HTML table, headings first; columns of text are left-aligned. Cells of type `Markup` are HTML."""
-    left = ' style="text-align: left"'
-    alignments = [left * is_text for is_text in text_columns(cells[1:])] or [""] * len(cells[0])
+    texts = text_columns(cells[1:]) or [False] * len(cells[0])
+    alignments = [' style="text-align: left"' if is_text else "" for is_text in texts]
     head, *body = (
         "".join(f"<{tag}{alignment}>{escape(c)}</{tag}>" for c, alignment in zip(row, alignments, strict=True))
         for tag, row in zip(["th", *len(cells[1:]) * ["td"]], cells, strict=True)

@@ -14,7 +14,7 @@ CORE = sorted((PACKAGE / "native").rglob("*.[ch]pp"))
 MOST = 40
 SMALL, PLAIN = 1e-2, 1e-3  # numbers below are tolerances: in exponent notation, and as decimals such as 0.006
 # widths of difference quotients and smallest steps, and the accuracy of results that users ask for
-NO_TOLERANCE = re.compile("(^|_)(WIDTHS?|STEP|SPACING|DEFAULTS?|TOLERANCES|TARGETS)$")
+NO_TOLERANCE = re.compile("(^|_)(WIDTHS?|STEP|SPACING|DEFAULTS?|TOLERANCES)$")
 NUMBER = re.compile(r"(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?[fFlL]?(?![\w.])|\bepsilon\s*\(")
 COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/|\"(?:\\.|[^\"\\\n])*\"", re.S)
 

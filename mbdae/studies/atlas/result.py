@@ -23,7 +23,7 @@ WORK_MEASURES: tuple[Work, ...] = ("solves", "f", "seconds")
 SHOWN_WORK_MEASURES: tuple[Work, ...] = ("solves", "seconds")  # in the summary
 STIFF = "stiff"  # status of finished runs with a stiffness warning
 NOISE = 0.9  # quantile of the scatter of CPU times that is reported as noise
-SHOWN_TARGETS = (1e-2, 1e-4, 1e-6, 1e-8)  # errors of q in the summary
+TARGET_DEFAULTS = (1e-2, 1e-4, 1e-6, 1e-8)  # errors of q in the summary
 
 
 class BestMethod(NamedTuple):
@@ -137,13 +137,13 @@ class Atlas(Tabular):
     def cells(self) -> list[list[str]]:
         """Return for each model the methods with the fewest linear solves, by error of q."""
         found = {(w.model, w.target): w for w in self.wins}
-        rows = [[m.model, *(_cell(found.get((m.model, target))) for target in SHOWN_TARGETS)] for m in self.motions]
-        return [["fewest solves to an error of q of", *(f"{x:.0e}" for x in SHOWN_TARGETS)], *rows]
+        rows = [[m.model, *(_cell(found.get((m.model, target))) for target in TARGET_DEFAULTS)] for m in self.motions]
+        return [["fewest solves to an error of q of", *(f"{x:.0e}" for x in TARGET_DEFAULTS)], *rows]
 
     def summary(self) -> list[str]:
         """Return, for each target error, on how many models each method needs the fewest solves or the least time."""
         out = []
-        for target in SHOWN_TARGETS:
+        for target in TARGET_DEFAULTS:
             wins = [w for w in self.wins if w.target == target]
             if wins:
                 solves, seconds = (_counted([getattr(w, x) for w in wins]) for x in ("fewest", "fastest"))

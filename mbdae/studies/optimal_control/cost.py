@@ -91,8 +91,8 @@ class Integral:
             raise InputError(f"{self.name} returns (L, {{signal: dL}}), arrays (n,) each, got {found!r:.60}") from None
         if unused := [name for name in partials if name not in signals]:
             raise InputError(f"{self.name} has a derivative with respect to {unused[0]!r}, which it does not use")
-        labels = {f"the derivative with respect to {name!r}": x for name, x in partials.items()}
-        for label, x in {"L": L, **labels}.items():
+        by_label = {"L": L} | {f"the derivative with respect to {name!r}": x for name, x in partials.items()}
+        for label, x in by_label.items():
             if x.shape != (n,) or not np.isfinite(x).all():
                 raise InputError(f"{self.name}: {label} must be {n} finite numbers, one for each node")
         return L, partials

@@ -130,8 +130,9 @@ def check_gradients(
     differences, uncertainties = ({name: x[i] for name, (_, x) in found.items()} for i in (0, 1))
     variable = parameter or "a velocity of the start"
     units = _derivative_units(mech, parameter, model)
-    errors = (missing, variable, differences, uncertainties)
-    return GradientStudy(mech.title, T, orders, backend, python_reason, *errors, units=units)
+    return GradientStudy(
+        mech.title, T, orders, backend, python_reason, missing, variable, differences, uncertainties, units=units
+    )
 
 
 def _derivative_units(mech: Mechanism, parameter: str | None, model: object) -> dict[str, str]:

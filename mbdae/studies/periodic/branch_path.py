@@ -240,8 +240,8 @@ class BranchPath:
         periods = 2 * base.cycle.periods
         cycle = replace(base.cycle, segments=2 * k, exchange=Exchange(base.flow.mechanism), periods=periods)
         nodes = [*base.guess.nodes, *(P.of_state(y) for y in base.guess.nodes)]
-        modes, doubled = () if P else 2 * base.modes, {x: 2 * getattr(base.guess, x) for x in ("T", "sigma", "shifts")}
-        guess = replace(base.guess, nodes=nodes, modes=modes, **doubled)
+        g, modes = base.guess, () if P else 2 * base.modes
+        guess = replace(g, nodes=nodes, modes=modes, T=2 * g.T, sigma=2 * g.sigma, shifts=2 * g.shifts)
         product = np.linalg.multi_dot([*base.factors[::-1], np.eye(base.n)])
         values, vectors = np.linalg.eig(product)
         x = vectors[:, np.abs(values + 1).argmin()].real

@@ -68,7 +68,7 @@ def test_both_back_ends_agree_under_step_size_control(name, end):
     assert [mode for _, mode in native.modes] == [mode for _, mode in python.modes]
     assert native.stats["transitions_in_core"] == native.stats["transitions"] >= 2
     attempts = [sol.stats["steps"] + sol.stats["rejected"] for sol in (native, python)]
-    assert attempts[0] <= 1.2 * attempts[1]  # rounding decides on 3 of 100 steps: rejected ones alone differ by a fifth
+    assert attempts[0] <= 1.1 * attempts[1]  # rounding decides on 3 of 100 steps: rejected ones alone differ by a fifth
     assert [x.where for x in native.impacts] == [x.where for x in python.impacts]
     times = [[sol.t[i] for i, _ in sol.modes] for sol in (native, python)]
     np.testing.assert_allclose(*times, rtol=0, atol=1e-10)
