@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..data_types import JsonObject
-from ..linear_solve import lapack, least_squares
 from ..system import Array
-from ..tolerances import AMBIGUOUS_PIVOT, NEGLIGIBLE
+from ..tolerances import AMBIGUOUS_PIVOT, NEGLIGIBLE, ZERO_SPEED
 from ..units import quantity
-from .closures import independent_rows
-from .signals.reactions import mass_scaled_jacobian
+from .closures.independent_rows import MANY_ROWS, random_probe
+from .formulations.steps.row_selection import largest_entry
 
 if TYPE_CHECKING:
     from .formulations.index2 import Index2System
@@ -19,6 +18,8 @@ if TYPE_CHECKING:
 SINGULAR = AMBIGUOUS_PIVOT  # pivot ratio relative to its regular value, with projection
 MAX_WITH_VIOLATION = 1e-2  # largest pivot ratio for a run that violates closures; above, its results are not reliable
 BYPASS = 5.0  # distance from a singularity at which such a run may pass, divided by the square root of the violation
+GAUSS_NEWTON_STEPS = 2  # after them, a gap remains if the loops do not close
+PROBES = 8  # random vectors, which name the closures if there are many rows
 ROTATION_WIDTH = 1e-4  # fraction of a step: large enough to measure the rotation of the tangent space
 
 
@@ -62,15 +63,14 @@ def singular(system: "Index2System", t: float, y: Array, before: tuple[float, Ar
         before: time and point slightly earlier, where the rank is regular.
         limit: pivot ratio that counts as zero.
     """
-    q, v = system.split(y)
-    G_before = mass_scaled_jacobian(system, before[0], system.split(before[1])[0])
-    G = mass_scaled_jacobian(system, t, q)
-    pivots = independent_rows.pivots(G.T)[1]
-    small = pivots <= limit * pivots[0]
-    rank, rank_there = system.rank or 0, int((~small).sum())
-    if not rank or not small[rank - 1]:
+    (q, v), rank = system.split(y), system.rank or 0
+    if not rank or system.pivot_ratio(t, y) > limit:
         return None
-    dependence = _row_contributions(G, rank_there) - _row_contributions(G_before, rank)
+    many = system.ng > MANY_ROWS
+    probes = random_probe(system.ng * PROBES).reshape(-1, PROBES) / np.sqrt(PROBES) if many else np.eye(system.ng)
+    rank_there, there = system.vanishing_combinations(t, q, rank, limit, probes)
+    _, regular = system.vanishing_combinations(before[0], system.split(before[1])[0], rank, 0.0, probes)
+    dependence = ((there - regular) ** 2).sum(axis=1)  # squares of the rows of the difference of projections
     names = [system.mechanism.row_names[int(i)] for i in np.flatnonzero(dependence > NEGLIGIBLE)]
     return Singular(t, tuple(q.tolist()), tuple(v.tolist()), rank, rank_there, tuple(dict.fromkeys(names)))
 
@@ -88,8 +88,7 @@ def pivot_limit_with_violation(system: "Index2System", t: float, y: Array, regul
         regular: pivot ratio away from singularities.
         violation: largest |g| nearby, in rad or characteristic lengths.
     """
-    mech, G = system.mechanism, system.closures(system.split(y)[0])[1]
-    size = float(np.abs(G * mech.coordinate_scales / mech.row_scales[:, None]).max())
+    size = largest_entry(system, t, system.split(y)[0])
     return regular * min(MAX_WITH_VIOLATION, SINGULAR + BYPASS * np.sqrt(violation / size))
 
 
@@ -106,34 +105,26 @@ def singular_crossing(system: "Index2System", t: float, y: Array, limit: float, 
         limit: ratio of singular values that counts as zero.
         allowed: residual, relative to the size of G.
     """
-    q, _ = system.split(y)
-    for _ in range(2):
-        U = system.inertia(t, q)
-        g, G = system.closures(None, t)
-        B = independent_rows.mass_scaled(U, G)
-        q = system.manifold.integrate(q, -lapack().dgesv(U, least_squares(B.T, g, limit))[2])
-    g, G = system.closures(q, t)
-    return bool(np.abs(g).max() <= allowed * np.abs(G).max())
+    return system.residual_of_dependent_rows(t, system.split(y)[0], limit, GAUSS_NEWTON_STEPS) <= allowed
 
 
-def tangent(system: "Index2System", t: float, y: Array) -> Array:
-    """Return an orthonormal basis (nv, k) of the tangent space in the mass metric; the velocity if there is none.
+def tangent_space_angle(system: "Index2System", before: tuple[float, Array], after: tuple[float, Array]) -> float:
+    """Return the largest angle between the tangent spaces at two points (t, y), in rad, in coordinates of equal scale.
 
-    It is the null space of G M^-1/2. Along a motion it rotates smoothly; on another branch it differs. A mechanism
-    whose drivers determine the motion has no null space.
+    The tangent space is the null space of G. Along a motion it rotates smoothly; on another branch it differs. If the
+    rows determine the motion, the null space is empty: the angle is that between the velocities, 0 if one is zero.
     """
-    q, v = system.split(y)
-    G = mass_scaled_jacobian(system, t, q)
-    rank = system.rank or 0
-    if rank == system.nv:
-        u = system.inertia(t, q) @ v
-        return u[:, None] / max(float(np.linalg.norm(u)), np.finfo(float).tiny)
-    return np.linalg.svd(G)[2][rank:].T
-
-
-def tangent_space_angle(before: Array, after: Array) -> float:
-    """Return the largest angle between two tangent spaces, in rad."""
-    return float(np.arccos(np.clip(np.linalg.svd(before.T @ after, compute_uv=False).min(initial=1.0), 0.0, 1.0)))
+    points = [(t, *system.split(y)) for t, y in (before, after)]
+    if system.rank != system.nv:
+        bases = system.null_spaces([(t, q) for t, q, _ in points])
+    else:
+        velocities = [v / system.mechanism.coordinate_scales for *_, v in points]
+        speeds = [np.linalg.norm(v) for v in velocities]
+        if min(speeds) <= ZERO_SPEED * max(speeds):
+            return 0.0
+        bases = [v[:, None] / speed for v, speed in zip(velocities, speeds, strict=True)]
+    cosines = np.linalg.svd(bases[0].T @ bases[1], compute_uv=False)
+    return float(np.arccos(np.clip(cosines.min(initial=1.0), 0.0, 1.0)))
 
 
 def tangent_space_rate(system: "Index2System", t: float, y: Array, dt: float) -> float:
@@ -141,10 +132,4 @@ def tangent_space_rate(system: "Index2System", t: float, y: Array, dt: float) ->
     q, v = system.split(y)
     d = dt * ROTATION_WIDTH
     moved = np.concatenate([system.manifold.integrate(q, d * v), y[system.nq :]])
-    return tangent_space_angle(tangent(system, t, y), tangent(system, t + d, moved)) / abs(d)
-
-
-def _row_contributions(G: Array, rank: int) -> Array:
-    """Return the contribution of each row to the vanishing combinations of rows, (ng,), for the given rank."""
-    left = np.linalg.svd(G)[0]
-    return (left[:, rank:] ** 2).sum(axis=1)
+    return tangent_space_angle(system, (t, y), (t + d, moved)) / abs(d)

@@ -15,7 +15,6 @@ from ...mechanism.singularity import (
     Singular,
     pivot_limit_with_violation,
     singular,
-    tangent,
     tangent_space_angle,
     tangent_space_rate,
 )
@@ -170,7 +169,7 @@ class SingularityLocation(EventSource):
         if not crossing:
             return
         before, after = (self._end_of_neighbourhood(run, crossing.t, i, range(a, b)) for i in (a, b))
-        angle = tangent_space_angle(*(tangent(self.workspace, *end) for end in (before, after)))
+        angle = tangent_space_angle(self.workspace, before, after)
         dt = after[0] - before[0]
         expected = ROTATION_FACTOR * abs(dt) * tangent_space_rate(self.workspace, *before, dt)
         if angle > MAX_ANGLE + expected:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...mechanism.formulations.index2 import Index2System
 from ...methods import Tableau, method
 from ...system import Array
 from ...tolerances import NEGLIGIBLE, SOLUTION_ROUNDING
@@ -48,8 +49,16 @@ class BackwardStepper:
             InputError: for forces that cannot be integrated backward in time, such as sampled controllers.
         """
         run.system.breakpoint(run.t, -run.sign)
+        assert run.mechanism_system
+        system = run.mechanism_system.new_workspace()
+        try:
+            return self._steps(run, system, times)
+        finally:
+            system.mechanism.workspaces.release(system)
+
+    def _steps(self, run: RunState, system: Index2System, times: Array) -> tuple[Array, Array, Array]:
+        """Take the steps in a workspace."""
         tableau = method(DEFAULTS["method"])
-        system = run.system.new_workspace()
         system.use_rows(run.system.in_use)
         ts, ys, rates = [run.t], [run.ys[-1]], []
         for t in times.tolist():

@@ -223,12 +223,12 @@ def _axis(joint: pin.JointModel) -> Axis:
 def _copy_arrays(model: pin.Model, new: pin.JointModel, source: pin.Model, old: pin.JointModel) -> None:
     """Copy the values of a joint; a common value is used for all coordinates of a joint of another kind."""
     for name in PER_VELOCITY:
-        values = np.array(getattr(source, name))[old.idx_v : old.idx_v + old.nv]
+        values = np.array(getattr(source, name)[old.idx_v : old.idx_v + old.nv])
         if old.nv == new.nv or len(set(values.tolist())) == 1:
             getattr(model, name)[new.idx_v : new.idx_v + new.nv] = values if old.nv == new.nv else values[0]
     if (old.nq, old.nv) == (new.nq, new.nv):
         for name in PER_COORDINATE:
-            values = np.array(getattr(source, name))[old.idx_q : old.idx_q + old.nq]
+            values = np.array(getattr(source, name)[old.idx_q : old.idx_q + old.nq])
             getattr(model, name)[new.idx_q : new.idx_q + new.nq] = values
 
 

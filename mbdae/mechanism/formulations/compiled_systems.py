@@ -12,23 +12,22 @@ import numpy as np
 
 from ...errors import NotCompiled
 from ...system import Array, State, Step
-from ...tolerances import SEARCH_TOLERANCE
 from ..forces.joint_friction import KineticFrictionElement
 from ..hybrid.switches import Mode
 from ..time_functions.input_functions import Input
 from .core_description import core_tolerances, describe, inputs_of, samplers_of
+from .core_rank_loss import CoreRankLoss
 from .core_start import CoreStart
 from .equation_partials import EquationPartials
 from .ggl import GGLSystem
 from .index1 import Index1System
-from .steps.row_selection import SmallestPivot
 
 if TYPE_CHECKING:
     from ..._native import Core, Run
     from ..mechanism import Mechanism
 
 
-class CompiledSystem(CoreStart):
+class CompiledSystem(CoreStart, CoreRankLoss):
     """`mbdae.system.System` of a mechanism whose points and steps are computed by the core.
 
     Args:
@@ -195,15 +194,6 @@ class CompiledSystem(CoreStart):
         partials = self.partials(t, q, u, np.zeros(self.nv), np.zeros(len(rows)), rows)
         return partials.G, partials.B
 
-    def smallest_pivot(self, t: float, y: Array) -> SmallestPivot:
-        """See `Index2System.smallest_pivot`."""
-        found = self.core.smallest_pivot(np.ascontiguousarray(self.split(y)[0]), self.rank or 1)
-        return super().smallest_pivot(t, y) if found is None else SmallestPivot(*found)
-
-    def remaining_rows_dependent(self, t: float, y: Array) -> bool:
-        """See `Index2System.remaining_rows_dependent`."""
-        return bool(self.core.remaining_rows_dependent(self.split(y)[0].copy(), SEARCH_TOLERANCE))
-
     def take_core_record(self) -> None:
         """Add the core's counts to those of the system, and update its extremes."""
         *counts, least, g, rate, speed = self.core.take_record()
@@ -227,7 +217,7 @@ class CompiledSystem(CoreStart):
 
     def project_state(self, t: float, y: Array, tight: bool = False) -> Array:
         """See `Index2System.project_state`."""
-        projected = self.core.project_state(t, y) if self._rank_known and not tight else None
+        projected = self.core.project_state(t, y, tight) if self._rank_known else None
         self.take_core_record()
         return super().project_state(t, y, tight) if projected is None else projected
 

@@ -17,7 +17,7 @@ from ..closures.constraints import Constraints
 from ..hybrid.switches import Mode, inactive_rows
 from ..tree import tree_terms as tree
 from ..tree.pinocchio_data import PinocchioData
-from . import equation_partials, features, residuals
+from . import equation_partials, features, rank_loss, residuals
 from .closure_friction import ClosureFriction, solve_with_friction
 from .inverse_dynamics import InverseDynamicsPartials
 from .steps import index2_step, interpolation, projection, row_selection
@@ -164,9 +164,8 @@ class Index2System(PinocchioData, RunVariables, System):
         self.constraints.inactive, self.has_sticking_joints = inactive_rows(switches, mode), False
         for switch, state in zip(switches, mode, strict=True):
             switch.enter(self, state)
-        self.rank, self.rows, self.rows_frozen = None, None, False
-        self.selection_trigger = independent_rows.SelectionTrigger(self.ng)
-        self.least_pivot_ratio, self._last_q = 1.0, None
+        self.rank, self.rows, self.rows_frozen, self._last_q = None, None, False, None
+        self.selection_trigger, self.least_pivot_ratio = independent_rows.SelectionTrigger(self.ng), 1.0
 
     def order_of(self, tableau: Any) -> int:
         return tableau.order if self.closure_friction.interfaces else tableau.order_linear
@@ -279,13 +278,14 @@ class Index2System(PinocchioData, RunVariables, System):
     project_state, characteristic_magnitudes = projection.project_state, projection.characteristic_magnitudes
     select_independent_rows = row_selection.select_independent_rows
     update_independent_rows = row_selection.update_independent_rows
-    start, rows_of_step = row_selection.start, row_selection.rows_of_step
-    variational_step, newmark_step = variational_step, newmark_step
+    start, rows_of_step, newmark_step = row_selection.start, row_selection.rows_of_step, newmark_step
+    variational_step, features = variational_step, property(features.features)
     smallest_pivot, pivot_ratio = row_selection.smallest_pivot, row_selection.pivot_ratio
     sparse_closures, closures_dense_or_sparse = residuals.sparse_closures, residuals.closures_dense_or_sparse
     residual, residuals = residuals.residual, residuals.residuals
     multiplier_gain, remaining_rows_dependent = row_selection.multiplier_gain, row_selection.remaining_rows_dependent
-    features, interpolant = property(features.features), interpolation.interpolant
+    null_spaces, vanishing_combinations = rank_loss.null_spaces, rank_loss.vanishing_combinations
+    residual_of_dependent_rows, interpolant = rank_loss.residual_of_dependent_rows, interpolation.interpolant
 
     def component_magnitudes(self, y: Array) -> Array:
         size = np.concatenate([self.manifold.component_magnitudes(y[: self.nq]), np.abs(y[self.nq :])])

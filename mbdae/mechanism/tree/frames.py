@@ -47,11 +47,10 @@ def frame_index(model: pin.Model, name: str) -> int:
     """Return the index of a frame in the model, see `find_frame`."""
     if name == WORLD:
         return 0
-    kinds = [kind for kind in KINDS if isinstance(name, str) and model.existFrame(name, kind)]
-    indices = [i for kind in [k for k in kinds if k in LINKS] or kinds if (i := model.getFrameId(name, kind))]
-    if not indices:
-        raise UnknownNameError("frame", name, frame_names(model))
-    return min(indices)
+    for kinds in (LINKS, KINDS) if isinstance(name, str) else ():
+        if found := [i for kind in kinds if 0 < (i := model.getFrameId(name, kind)) < model.nframes]:
+            return min(found)
+    raise UnknownNameError("frame", name, frame_names(model))
 
 
 def fixed_links(model: pin.Model) -> list[str]:

@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "bindings/py_core.hpp"
+#include "system/rank_loss.hpp"
 #include "system/residuals.hpp"
 
 namespace mbdae {
@@ -103,6 +104,43 @@ std::optional<std::pair<double, double>> smallest_pivot(PyCore& c, const Array& 
   }
 }
 
+// Rows (k, n) as k vectors.
+std::vector<Vector> vectors_of(const Array& rows, size_t n) {
+  const size_t k = n ? rows.size() / n : 0;
+  const Vector entries = checked_vector(rows, k * n, "vectors");
+  std::vector<Vector> out;
+  for (size_t i = 0; i < k; ++i) out.emplace_back(entries.begin() + i * n, entries.begin() + (i + 1) * n);
+  return out;
+}
+
+auto as_rows(const std::vector<Vector>& vectors, size_t n) {
+  Vector entries;
+  for (const Vector& x : vectors) entries.insert(entries.end(), x.begin(), x.end());
+  return array(entries, {vectors.size(), n});
+}
+
+auto velocities_in_null_space(PyCore& c, const Array& q, const Array& vectors) {
+  return attempt(c, [&](Index2System& s) {
+    std::vector<Vector> velocities = vectors_of(vectors, s.nv);
+    admissible_velocities(s, checked_vector(q, s.nq, "q").data(), velocities);
+    return as_rows(velocities, s.nv);
+  });
+}
+
+auto vanishing_row_combinations(PyCore& c, const Array& q, int rank, double limit, const Array& vectors) {
+  return attempt(c, [&](Index2System& s) {
+    std::vector<Vector> projections = vectors_of(vectors, s.ng);
+    rank = vanishing_combinations(s, checked_vector(q, s.nq, "q").data(), rank, limit, projections);
+    return std::make_tuple(rank, as_rows(projections, s.ng));
+  });
+}
+
+auto dependent_residual(PyCore& c, double t, const Array& q, double limit, int steps) {
+  return attempt(c, [&](Index2System& s) {
+    return residual_of_dependent_rows(s, t, checked_vector(q, s.nq, "q").data(), limit, steps);
+  });
+}
+
 // M by rows, nle, J by columns, M a + nle; joint velocities and accelerations for v' = a, (joints, 6).
 nb::object dynamics(PyCore& c, const Array& q, const Array& v, const Array& a) {
   const CoreLock lock(c);
@@ -156,6 +194,13 @@ void bind_points(nb::class_<PyCore>& core) {
            "Return g (ng,), G (ng, nv), g_t and Gdot v + g_tt (ng,), rows inactive in the mode included, or None.")
       .def("smallest_pivot", smallest_pivot, arg("q"), arg("rank"),
            "Return the smallest pivot of independent rows of G M^-1/2, and its ratio to the largest, or None.")
+      .def("admissible_velocities", velocities_in_null_space, arg("q"), arg("vectors"),
+           "Return velocities (k, nv) with G v = 0, from vectors in general position, or None.")
+      .def("vanishing_combinations", vanishing_row_combinations, arg("q"), arg("rank"), arg("limit"), arg("vectors"),
+           "Return the number of independent rows, at most `rank`, with pivots above `limit` times the largest, and\n"
+           "projections (k, ng) of vectors onto the null space of G^T, or None.")
+      .def("residual_of_dependent_rows", dependent_residual, arg("t"), arg("q"), arg("limit"), arg("steps"),
+           "Return the largest |g| relative to G after Gauss-Newton steps by the independent rows, or None.")
       .def("dynamics", dynamics, arg("q"), arg("v"), arg("a"),
            "Return M, nle, J^T, M a + nle, and velocities and accelerations of joints in the world, (njoints, 6).")
       .def("minimal_stage_seconds", minimal_stage_seconds, arg("q"), arg("v"), arg("repetitions"),

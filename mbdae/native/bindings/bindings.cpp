@@ -72,10 +72,10 @@ void advance(PyCore& c, const Coefficients& a, Run& run) {
   take_steps(c, method, run);
 }
 
-auto projected_state(PyCore& c, double t, const Array& y) {
+auto projected_state(PyCore& c, double t, const Array& y, bool tight) {
   return attempt(c, [&](Index2System& s) {
     Vector projected = checked_vector(y, s.length, "y");
-    project_state(s, t, projected.data());
+    project_state(s, t, projected.data(), tight);
     return vector(projected);
   });
 }
@@ -226,6 +226,7 @@ NB_MODULE(_native, m) {
       .def(
           "set_smallest_slip", [](PyCore& c, double speed) { c.core->system.friction.smallest_slip = speed; },
           arg("speed"), "Set the slip speed below which the slip has no direction.")
-      .def("project_state", projected_state, arg("t"), arg("y"), "Return the projected point, or None.");
+      .def("project_state", projected_state, arg("t"), arg("y"), arg("tight") = false,
+           "Return the projected point, or None.");
   bind_run(m), bind_points(core), bind_start(core), bind_sensitivity(m, core);
 }

@@ -14,8 +14,8 @@ using SparseRow = std::vector<std::pair<int, double>>;
 // The order of up to `count` pivots and their decreasing magnitudes, as |diag R| of `pivoted_qr` of B; pivots at or
 // below `smallest` times the largest entry are omitted. Cholesky elimination, accurate to the square root of rounding,
 // with diagonal pivoting among the first `window` remaining rows of a sequence: pivoting among all rows would cause
-// fill-in. S is overwritten.
-void sparse_pivots(std::vector<SparseRow>& S, const std::vector<int>& sequence, int window, int count, double smallest,
-                   std::vector<int>& order, Vector& pivots);
+// fill-in.
+void sparse_pivots(const std::vector<SparseRow>& S, const std::vector<int>& sequence, int window, int count,
+                   double smallest, std::vector<int>& order, Vector& pivots);
 
 }  // namespace mbdae

@@ -22,7 +22,7 @@ void ProjectionSensitivity::take(double t, double* y, bool positions) {
   const Vector v(y + nq, y + nq + nv);
   q0_.assign(y, y + nq);
   if (positions)
-    project_state(s_, t, y, &path);
+    project_state(s_, t, y, false, &path);
   else
     s_.point.evaluate(y, true);
   factors_.exchange(s_.point);

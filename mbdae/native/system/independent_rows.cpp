@@ -33,7 +33,7 @@ IndependentRows::IndependentRows(const Constraints& constraints, std::vector<int
 
 void IndependentRows::find_pivots(const Vector& Z, bool of_rows_in_use, int count, double smallest,
                                   std::vector<int>& order, Vector& pivots) const {
-  std::vector<SparseRow> S = products(Z, of_rows_in_use);
+  const std::vector<SparseRow> S = products(Z, of_rows_in_use);
   std::vector<int> sequence(S.size());
   for (size_t k = 0; k < S.size(); ++k) sequence[of_rows_in_use ? k : elimination_[k]] = static_cast<int>(k);
   sparse_pivots(S, sequence, window_, count, smallest, order, pivots);
@@ -127,9 +127,20 @@ bool IndependentRows::uses_first_pivots() const {
   return std::all_of(order_.begin(), order_.begin() + rank, [&](int k) { return position_[k] >= 0; });
 }
 
-bool IndependentRows::use_first_pivots() {
-  std::vector<int> rows(order_.begin(), order_.begin() + rank);
+std::vector<int> IndependentRows::first_pivots(int count) const {
+  std::vector<int> rows(order_.begin(), order_.begin() + count);
   std::sort(rows.begin(), rows.end(), [&](int k, int l) { return elimination_[k] < elimination_[l]; });
+  return rows;
+}
+
+std::vector<int> IndependentRows::independent(const Vector& Z, int count, double smallest_ratio) {
+  pivots_stamp_ = -1;
+  find_pivots(Z, false, count, std::max(smallest_ratio, std::sqrt(tolerances_.eps)), order_, pivots_);
+  return first_pivots(static_cast<int>(order_.size()));
+}
+
+bool IndependentRows::use_first_pivots() {
+  std::vector<int> rows = first_pivots(rank);
   if (version_ && rows == rows_) return false;
   set(std::move(rows));
   return true;

@@ -62,6 +62,9 @@ class IndependentRows {
   // current.
   bool factorize(const Vector& Z, long stamp);
   void solve(double* x) const;  // with this factor: x := (Z Z^T)^-1 x, (r,) by position
+  // Up to `count` independent rows in the order of elimination, with pivots above `smallest_ratio` times the largest,
+  // by sparse elimination, accurate to the square root of rounding; the rows in use remain.
+  std::vector<int> independent(const Vector& Z, int count, double smallest_ratio);
   // The smallest of the first `rank` pivots of all rows; of many rows by sparse elimination.
   SmallestPivot smallest_pivot(const Vector& Z, int rank);
 
@@ -78,6 +81,7 @@ class IndependentRows {
   double smallest_pivot_in_use(const Vector& Z);
   bool uses_first_pivots() const;  // whether the rows of the first `rank` pivots are in use
   bool use_first_pivots();         // use these rows; return whether the rows in use changed
+  std::vector<int> first_pivots(int count) const;  // rows of the first pivots, in the order of elimination
   bool has_tie() const;            // whether a dependent row ties with a pivot, to rounding, in `factors_`
   int dense_rank(const Vector& G, const InitialRank& first);
 

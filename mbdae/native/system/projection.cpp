@@ -79,13 +79,18 @@ class MinimumNormCorrection {
   // Compute x; return whether the rows in use were used: if other rows remain violated, call `use_all_rows` and repeat.
   bool compute(const Vector& r, bool of_q, double* x) {
     const bool used_rows_in_use = rows_in_use_suffice_ && !(of_q && has_velocity_rows_in_use()) &&
-                                  s_.saddle.factorize_symmetric(s_.tree.tolerances.truncation);
+                                  s_.saddle.factorize_symmetric(smallest_pivot_ratio());
     used_rows_in_use ? s_.saddle.minimum_norm_correction(r.data(), x) : compute_by_all_rows(r, of_q, x);
     return used_rows_in_use;
   }
   void use_all_rows() { rows_in_use_suffice_ = false; }
 
  private:
+  // Few rows: the singular values from which the pseudoinverse of all rows is more accurate than iterations.
+  double smallest_pivot_ratio() const {
+    const Tolerances& tolerances = s_.tree.tolerances;
+    return s_.rows.has_many() ? tolerances.smallest_pivot : tolerances.truncation;
+  }
   bool has_velocity_rows_in_use() const {
     const std::vector<int>& rows = s_.rows.in_use();
     return std::any_of(rows.begin(), rows.end(), [&](int k) { return !s_.constraints.rows[k].positional; });
@@ -105,8 +110,8 @@ class MinimumNormCorrection {
   bool rows_in_use_suffice_;
 };
 
-// Project q onto g = 0.
-void project_positions(Index2System& s, double t, double* q, std::vector<Vector>* path) {
+// Project q onto g = 0; tight: until |g| no longer halves.
+void project_positions(Index2System& s, double t, double* q, bool tight, std::vector<Vector>* path) {
   const Tolerances& tolerances = s.tree.tolerances;
   Configuration& point = s.point;
   MinimumNormCorrection correction(s);
@@ -116,9 +121,9 @@ void project_positions(Index2System& s, double t, double* q, std::vector<Vector>
   double displacement = 0;
   bool has_moved = false;
   for (int i = 0; i < tolerances.projection_iterations; ++i) {
-    if (norm_of(g.data(), tolerances.row_scales) <=
-        tolerances.sum_rounding * (1 + largest_scaled(q, tolerances.q_scales)))
-      break;
+    const double norm = norm_of(g.data(), tolerances.row_scales);
+    const bool satisfied = norm <= tolerances.sum_rounding * (1 + largest_scaled(q, tolerances.q_scales));
+    if (norm == 0 || (satisfied && !tight)) break;
     const bool used_rows_in_use = correction.compute(g, true, x.data());
     displacement = largest_scaled(x.data(), tolerances.coordinate_scales);
     for (double& c : x) c = -c;
@@ -128,9 +133,8 @@ void project_positions(Index2System& s, double t, double* q, std::vector<Vector>
     s.constraints.value(s.tree, trial_q.data(), s.constraints.all, point.scratch_G.data(), next_g.data());
     gap = next_g;
     s.constraints.complete_g(t, gap.data());
-    if (!(norm_of(gap.data(), tolerances.row_scales) <
-          tolerances.projection_max_remaining * norm_of(g.data(), tolerances.row_scales))) {
-      if (!used_rows_in_use) break;
+    if (!(norm_of(gap.data(), tolerances.row_scales) < tolerances.projection_max_remaining * norm)) {
+      if (satisfied || !used_rows_in_use) break;
       correction.use_all_rows();
       continue;
     }
@@ -147,8 +151,8 @@ void project_positions(Index2System& s, double t, double* q, std::vector<Vector>
     throw FallBackToPython();
 }
 
-// Project v onto G v + g_t = 0.
-void project_velocities(Index2System& s, double t, double* v) {
+// Project v onto G v + g_t = 0; tight: also if only rounding violates it, and with one step of iterative refinement.
+void project_velocities(Index2System& s, double t, double* v, bool tight) {
   const Tolerances& tolerances = s.tree.tolerances;
   MinimumNormCorrection correction(s);
   Vector &rate = s.projection.rate, &x = s.projection.x;
@@ -159,25 +163,27 @@ void project_velocities(Index2System& s, double t, double* v) {
     return used_rows_in_use;
   };
   s.residual_rate(t, v, rate.data());
-  if (!exceeds_rounding(s, rate.data(), v)) return;
+  if (!tight && !exceeds_rounding(s, rate.data(), v)) return;
   const double initial_norm = norm_of(rate.data(), tolerances.row_scales);
   if (correct()) {
     s.residual_rate(t, v, rate.data());
     const bool reduced =
         norm_of(rate.data(), tolerances.row_scales) < tolerances.projection_max_remaining * initial_norm;
-    if (!reduced && exceeds_rounding(s, rate.data(), v)) correction.use_all_rows(), correct();
+    const bool rows_missing = !reduced && exceeds_rounding(s, rate.data(), v);
+    if (rows_missing) correction.use_all_rows();
+    if (rows_missing || tight) correct();
   }
   if (violates_velocity_constraints(s, t, v)) throw FallBackToPython();
 }
 
 }  // namespace
 
-void project_state(Index2System& s, double t, double* y, std::vector<Vector>* path) {
+void project_state(Index2System& s, double t, double* y, bool tight, std::vector<Vector>* path) {
   if (!s.ng) return;
   if (!s.point.is_current(y)) s.point.evaluate(y, true);
   s.counts.state_projections += 1;
-  project_positions(s, t, y, path);
-  project_velocities(s, t, y + s.nq);
+  project_positions(s, t, y, tight, path);
+  project_velocities(s, t, y + s.nq, tight);
   if (!finite(y, s.length)) throw FallBackToPython();
 }
 

@@ -18,7 +18,8 @@ void add_characteristic_magnitudes(const Index2System& system, const double* y, 
 // The largest of the first n components of a displacement, relative to `ratio` times the magnitudes.
 double largest_move(const Vector& displacement, const Vector& magnitudes, int n, double ratio, double tiny);
 
-// Project y onto g = 0 and G v + g_t = 0; path: all iterates of q except the last.
-void project_state(Index2System& system, double t, double* y, std::vector<Vector>* path = nullptr);
+// Project y onto g = 0 and G v + g_t = 0. tight: to rounding, for states near singular configurations; path: all
+// iterates of q except the last.
+void project_state(Index2System& system, double t, double* y, bool tight = false, std::vector<Vector>* path = nullptr);
 
 }  // namespace mbdae

@@ -142,18 +142,19 @@ void SaddleSystem::update_multipliers(double* residual, double* lam) {
   for (int k : rows_.in_use()) lam[k] -= x_[position[k]];
 }
 
+void SaddleSystem::project_onto_null_space(Vector& w) {
+  const std::vector<int>& position = rows_.position();
+  for (int k : rows_.in_use()) x_[position[k]] = constraints_.times(k, point_.Z, w.data());
+  lu_.solve(x_.data());
+  for (int k : rows_.in_use()) constraints_.add(k, point_.Z, -x_[position[k]], w.data());
+}
+
 // Rows dependent on the rows in use vanish on their null space: test one vector of it.
 bool SaddleSystem::remaining_rows_dependent(const Vector& probe) {
-  const std::vector<int>& position = rows_.position();
   Vector w(probe);
+  project_onto_null_space(w);
   double scale = 0;
-  for (int k : rows_.in_use()) {
-    x_[position[k]] = constraints_.times(k, point_.Z, w.data());
-    scale = std::max(scale, constraints_.product(k, k, point_.Z.data()));
-  }
-  lu_.solve(x_.data());
-  for (int k : rows_.in_use())
-    constraints_.add(k, point_.Z, -x_[position[k]], w.data());
+  for (int k : rows_.in_use()) scale = std::max(scale, constraints_.product(k, k, point_.Z.data()));
   for (int k : rows_.remaining()) {
     const double s = constraints_.times(k, point_.Z, w.data());
     if (s * s > tolerances_.probe_tolerance * tolerances_.probe_tolerance * scale) return false;

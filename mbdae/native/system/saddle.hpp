@@ -28,6 +28,8 @@ class SaddleSystem {
   // out = M^-1 G^T S^-1 r (nv,), r (ng,) by row: for S = G M^-1 G^T the minimum-norm x in the mass metric with G x = r.
   // If requested, also the multipliers S^-1 r (ng,) by row.
   void minimum_norm_correction(const double* r, double* out, double* multipliers = nullptr);
+  // After `factorize_symmetric`: project a vector (nv,) onto the null space of Z of the rows in use.
+  void project_onto_null_space(Vector& w);
   // After `factorize_symmetric`:
   bool remaining_rows_dependent(const Vector& probe);  // tested with one vector (nv,)
   // Update lam (ng,) of the rows in use by the dlam that minimizes |M^-1/2 (residual + G^T dlam)|; overwrites residual

@@ -10,7 +10,7 @@ from ....errors import InputError, UnknownNameError, printable
 from ...checked_table import HUGE
 from ...flexible import attach_flexible
 from ...imported_model import ImportedModel
-from ...tree.frames import WORLD, find_frame, find_joint, frame_names, joint_names
+from ...tree.frames import find_frame, find_joint, frame_names, joint_names
 from ..body_tables import Body, Flexible, Frame, Source
 from ..joint_tree import JOINT_MODELS, Tree, append_body, depth_first, resolve_joints, rotation_from_z
 from .flexible_table import modal_body_of
@@ -64,18 +64,22 @@ def _attach(tree: Tree, file: MechanismFile, parts: Sequence[ImportedModel]) -> 
     """Attach sources, bodies and frames, each after its parent frame."""
     waiting: list[tuple[Source | Frame, ImportedModel | None]] = [*zip(file.source, parts, strict=True)]
     waiting += [(x, None) for x in (*file.body, *file.frame)]
+    known = set(frame_names(tree.model))
     while waiting:
-        known = dict.fromkeys(frame_names(tree.model))
         ready = [pair for pair in waiting if pair[0].parent in known]
         if not ready:
-            _raise_unattached(waiting, list(known), file.flexible)
+            _raise_unattached(waiting, frame_names(tree.model), file.flexible)
+        waiting = [pair for pair in waiting if pair[0].parent not in known]
         for x, part in ready:
             if isinstance(x, Frame):
+                if x.name in known or x.name == "universe":
+                    raise InputError(f"the name {x.name!r} is taken: frames and bodies need different names")
                 _add(tree.model, x)
+                known.add(x.name)
             elif part is not None:
                 parent = find_frame(tree.model, x.parent)
                 tree.graft(part.model, part.visuals, parent=parent, placement=placement(x), prefix=x.prefix)
-        waiting = [pair for pair in waiting if pair[0].parent not in known]
+                known.update(frame_names(tree.model))
 
 
 def require_finite(model: pin.Model) -> None:
@@ -129,8 +133,6 @@ def placement(x: Source | Frame) -> pin.SE3:
 
 
 def _add(model: pin.Model, x: Frame) -> None:
-    if x.name == WORLD or model.existFrame(x.name):
-        raise InputError(f"the name {x.name!r} is taken: frames and bodies need different names")
     parent = find_frame(model, x.parent)
     pose_in_joint = parent.placement * placement(x)
     joint = parent.parentJoint

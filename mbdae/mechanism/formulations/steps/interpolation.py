@@ -7,6 +7,7 @@ import numpy as np
 
 from ....hermite import fit, fit_many, nodes, powers, values
 from ....system import Array
+from ...tree.tree_terms import update_poses
 
 if TYPE_CHECKING:
     from ..index2 import Index2System
@@ -136,5 +137,7 @@ def _power(system: "Index2System", t: float, q: Array, v: Array) -> Array:
     """Return the power of non-conservative forces, (1,), of a system without states of forces."""
     if system.driven or system.closure_friction:  # their power depends on lam
         return system.derivative(t, np.concatenate([q, v, [0.0]]))[0][-1:]
-    system.inertia(t, q)
-    return system.force(t, q, v, np.empty(0))[1]
+    if not system.laws.acting:
+        return np.zeros(1)
+    update_poses(system.model, system.workspace, q)
+    return system.generalized_force(t, q, v, np.empty(0))[1]

@@ -65,9 +65,9 @@ def start(system: "Index2System", t: float, y: Array, project: bool) -> tuple[Ar
         StepError: close to a configuration where all rows vanish: every v satisfies them, without constraint forces.
     """
     q = system.split(y)[0]
-    if system.ng and (size := _size(system, q)) < system.ambiguous_pivot:
+    if system.ng and (size := largest_entry(system, t, q)) < system.ambiguous_pivot:
         displacement = NEARBY * system.mechanism.coordinate_scales * independent_rows.random_probe(system.nv)
-        if max(GROWTH * size, CLOSED) < _size(system, system.manifold.integrate(q, displacement)):
+        if max(GROWTH * size, CLOSED) < largest_entry(system, t, system.manifold.integrate(q, displacement)):
             active = np.delete(system.mechanism.row_names, system.constraints.inactive)
             names = " and ".join(repr(str(name)) for name in dict.fromkeys(active))
             text = f"the run would begin next to a singular configuration, at t = {t:.17g}, where G v = 0 for every v"
@@ -75,10 +75,10 @@ def start(system: "Index2System", t: float, y: Array, project: bool) -> tuple[Ar
     return System.start(system, t, y, project)
 
 
-def _size(system: "Index2System", q: Array) -> float:
+def largest_entry(system: "Index2System", t: float, q: Array) -> float:
     """Return the largest entry of G at q, in units of rows and coordinates."""
-    mech = system.mechanism
-    return float(np.abs(system.closures(q)[1] * mech.coordinate_scales / mech.row_scales[:, None]).max())
+    mech, G = system.mechanism, system.closures_dense_or_sparse(q, t)[1]
+    return float(abs(G * mech.coordinate_scales / mech.row_scales[:, None]).max())
 
 
 def rows_of_step(system: "Index2System", t: float, y: Array) -> Array:
