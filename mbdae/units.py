@@ -216,6 +216,12 @@ def quantity(x: float, unit: str, digits: str = ".6g") -> str:
     return f"{value:{digits}} {'' if name == '1' else name}".rstrip()
 
 
+def elapsed(seconds: float) -> str:
+    """Return a measured time in s as text of three digits, or to the unit if longer, in the unit of shown times."""
+    x = float(displayed(seconds, "s")[0])
+    return f"{x:.3g}" if x < 999.5 else f"{x:.0f}"  # from 999.5 on .3g is 1e+03
+
+
 def time_span(t: Any, digits: str) -> str:
     """Return the first and last of times in s as text, in the unit in which times are shown."""
     return f"{displayed(float(t[0]), 's')[0]:{digits}} to {quantity(t[-1], 's', digits)}"
