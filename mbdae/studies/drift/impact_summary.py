@@ -1,4 +1,4 @@
-"""Summary of the impacts of a run: what took part, when, and the energy lost."""
+"""Summary of the impacts of a run: participants, times, and the energy lost."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ class ImpactSummary(NamedTuple):
     """The impacts of a run.
 
     Attributes:
-        names: stops, closures and drivers that took part, each once.
+        names: participating stops, closures and drivers, each once.
         times: times in s.
         loss: energy lost in all impacts in J; negative if drivers added more.
     """
