@@ -191,6 +191,7 @@ BASE = {name: si for si, dimension in SI.items() for name in DIMENSIONS[dimensio
 BASE |= {"N": "kg m/s^2", "J": "kg m^2/s^2", "W": "kg m^2/s^3"}
 KEY_SYMBOLS = ("q", "q1", "q2", "e", "r", "x", "y")  # symbols of joints and functions, see `mbdae.mechanism.key_units`
 SI_UNITS = Units()
+LISTED_TIMES = 5  # largest number of times in a line of text
 _shown: ContextVar[Units] = ContextVar("shown", default=SI_UNITS)
 
 
@@ -216,9 +217,22 @@ def quantity(x: float, unit: str, digits: str = ".6g") -> str:
     return f"{value:{digits}} {'' if name == '1' else name}".rstrip()
 
 
+def elapsed(seconds: float) -> str:
+    """Return a measured time in s as text of three digits, or to the unit if longer, in the unit of shown times."""
+    x = float(displayed(seconds, "s")[0])
+    return f"{x:.3g}" if x < 999.5 else f"{x:.0f}"  # from 999.5 on .3g is 1e+03
+
+
 def time_span(t: Any, digits: str) -> str:
     """Return the first and last of times in s as text, in the unit in which times are shown."""
     return f"{displayed(float(t[0]), 's')[0]:{digits}} to {quantity(t[-1], 's', digits)}"
+
+
+def listed_times(times: Any) -> str:
+    """Return the first few of times in s as text, and their number, in the unit in which times are shown."""
+    first = ", ".join(f"{displayed(float(t), 's')[0]:.9g}" for t in times[:LISTED_TIMES])
+    more = ", ..." if len(times) > LISTED_TIMES else ""
+    return f"t = {first}{more} {unit_name('s')} ({len(times)})" if len(times) else "never"
 
 
 @contextmanager

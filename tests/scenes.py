@@ -55,7 +55,7 @@ def motion(scene, q, end=2.0, start=0.0, title="a test"):
     t = np.linspace(start, end, 9)
     points = np.array([q(x) for x in t])
     mech = SimpleNamespace(scene=scene, title=title, model=scene._model, switches=())
-    sol = SimpleNamespace(t=t, q=points, mechanism=mech)
+    sol = SimpleNamespace(t=t, q=points, mechanism=mech, settings={})
     called = {"__call__": lambda self, times: (np.array([q(x) for x in times]), None)}
     return type("Motion", (SimpleNamespace,), called)(**vars(sol))
 

@@ -1,6 +1,7 @@
 """Results in units of the trade: text, tables, columns and axes have converted numbers and the names of their units."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from mbdae.studies.replay.plot_panels import panes
 from mbdae.studies.solve.figure import motion
 from mbdae.studies.tolerance.figure import bands
 from mbdae.tabular import read_csv
-from mbdae.units import DIMENSIONS, Units, displayed
+from mbdae.units import DIMENSIONS, Units, displayed, elapsed
 
 CONVERTED = [  # unit in SI, value, chosen units, value and unit as they are shown, from tables of units
     ("m", 0.0254, "in", 1.0, "in"),
@@ -48,6 +49,28 @@ def test_values_and_names_are_those_of_tables(unit, x, chosen, value, name):
     assert shown[0] == pytest.approx(value, rel=1e-14)
     assert shown[1] == name
     assert displayed(x, unit) == (x, unit)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "chosen", "text"),
+    [(7.216e-5, "s", "7.22e-05"), (0.0123456, "s", "0.0123"), (999.4, "s", "999"), (999.6, "s", "1000"),
+     (12345.6, "s", "12346"), (7.216e-5, "ms", "0.0722"), (90.0, "min", "1.5")],
+)  # fmt: skip
+def test_measured_times_have_three_digits(seconds, chosen, text):
+    with mbdae.display_units(chosen):
+        assert elapsed(seconds) == text
+
+
+def test_times_of_short_runs_are_shown(sol):
+    """A run of less than half a millisecond is not one of 0.000 s."""
+    study = mbdae.compare("pendulum", (0, 0.01), methods=["pherk5"], rtol=[1e-4], repeats=1)
+    study = replace(study, points=[replace(study.points[0], times=(7.216e-5,))])
+    assert str(study).splitlines()[6].endswith("  7.22e-05")
+    run = replace(sol, stats={**sol.stats, "seconds": 7.216e-5})
+    assert ", 7.22e-05 s, " in str(run)
+    with mbdae.display_units("ms"):
+        assert study.cells()[1][-1] == "0.0722"
+        assert ", 0.0722 ms, " in str(run)
 
 
 def test_units_of_one_name_have_one_dimension():

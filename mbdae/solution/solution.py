@@ -17,7 +17,7 @@ from ..mechanism import Contact, Effort, Impact, Mechanism, NotCompiled, Reactio
 from ..system import Array
 from ..tabular import Columns, Tabular
 from ..textbook.hessenberg import Hessenberg
-from ..units import quantity, time_span
+from ..units import elapsed, quantity, time_span, unit_name
 from .archive import read, write
 from .columns import reaction_of
 from .dense_output import DenseOutput
@@ -277,9 +277,10 @@ class Solution(DenseOutput, Tabular):
     def __str__(self) -> str:
         s = self.stats
         rejected = "-" if s["rejected"] is None else s["rejected"]
+        work = f"{s['steps']} steps, {rejected} rejected, {s['solves']} solves"
         return (
             f"{self.status}: {self.message}, t = {quantity(self.nodes[0][-1], 's', '.9g')}\n"
-            f"  {s['steps']} steps, {rejected} rejected, {s['solves']} solves, {s['seconds']:.2f} s, {s['backend']}"
+            f"  {work}, {elapsed(s['seconds'])} {unit_name('s')}, {s['backend']}"
         )
 
     def _repr_html_(self) -> str | None:

@@ -2,16 +2,17 @@
 
     W(t) = integral from the first node to t of power dt
 
-from the exact antiderivatives of the Chebyshev series of the power on each step, see `mbdae.solution.statistics`. The
-sum over all forces, drivers and joints that stick equals the change of the kinetic energy and of the potential energy
-of gravity, except for friction proportional to closure forces and for impacts, where constraints transmit impulses.
+from the exact antiderivatives of the Chebyshev series of the power on each step, see `mbdae.solution.statistics`. In
+impacts a driver with the impulse P does the work P (u'- + u'+)/2; its speed u' jumps in the first one of an instant.
+The sum over all forces, drivers and joints that stick equals the change of the kinetic energy and of the potential
+energy of gravity, except for friction proportional to closure forces and for the work of contacts in impacts.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..mechanism.signals.effort_signals import brake_rows, effort_units
+from ..mechanism.signals.effort_signals import brake_rows, driver_rates, driver_rows, effort_units
 from ..system import Array
 
 if TYPE_CHECKING:
@@ -63,13 +64,44 @@ def work_columns(sol: "Solution") -> dict[str, Array]:
         return {}
     if "dense_order" not in sol.settings:
         return {f"{WORK}{name}": np.full(len(sol.t), np.nan) for name in names}
-    if "work" not in sol.integrals:
-        sol.integrals["work"] = integrate_steps(sol, [f"{POWER}{name}" for name in names])
-    integrals, times = sol.integrals["work"], np.asarray(sol.t)
-    if len(integrals.t) < 2:
+    integrals, times = _integrated_works(sol, names), np.asarray(sol.t)
+    last = len(integrals.t) - 1
+    if last < 1:
         return {f"{WORK}{name}": np.zeros(len(times)) for name in names}
-    values = integrals.at(times, np.minimum(sol.before(times), len(integrals.t) - 2))
+    nodes = sol.before(times) if sol.steps else np.arange(len(times))
+    values = integrals.at(times, np.minimum(nodes, last - 1))
+    values[:, nodes == last] = integrals.starts[:, -1:]  # after a last impact
     return {f"{WORK}{name}": x for name, x in zip(names, values, strict=True)}
+
+
+def total_works(sol: "Solution") -> dict[str, float]:
+    """Return the work of each force and driver over a whole run in J, by name."""
+    names = elements_with_power(sol.mechanism)
+    return dict(zip(names, _integrated_works(sol, names).starts[:, -1].tolist(), strict=True)) if names else {}
+
+
+def _integrated_works(sol: "Solution", names: list[str]) -> StepIntegrals:
+    """Return the works as integrals of powers, with those of impacts at the nodes after them."""
+    if "work" not in sol.integrals:
+        integrals = integrate_steps(sol, [f"{POWER}{name}" for name in names])
+        sol.integrals["work"] = integrals._replace(starts=integrals.starts + _impact_works(sol, names))
+    return sol.integrals["work"]
+
+
+def _impact_works(sol: "Solution", names: list[str]) -> Array:
+    """Return the work of drivers in the impacts before or at each node, (k, n + 1); other elements do none."""
+    mech, t = sol.mechanism, np.asarray(sol.nodes[0], float)
+    rows, out = driver_rows(mech), np.zeros((len(names), len(t)))
+    columns, drivers = [names.index(name) for name in rows], list(rows.values())
+    previous = -1
+    for x in sol.impacts if drivers else ():
+        after = int(sol.before(np.array([x.t]))[0])
+        before = after - 1 if after != previous else after
+        if after > 0:  # the work is counted from the first node on
+            rates = driver_rates(mech, t[[before, after]])[:, drivers]
+            out[columns, after] += np.array(x.rows)[drivers] * rates.mean(axis=0)
+        previous = after
+    return np.cumsum(out, axis=1)
 
 
 def integrate_steps(sol: "Solution", names: list[str]) -> StepIntegrals:

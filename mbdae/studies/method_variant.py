@@ -48,7 +48,8 @@ class Variant:
     def __post_init__(self) -> None:
         found = find_method(self.formulation, self.method)
         if self.project and isinstance(found, LibrarySolver):
-            raise InputError(f"method {found.name!r} takes several steps into account: leave out 'project'")
+            reason = f"{found.name!r} is a solver of another library, whose state is not projected"
+            raise InputError(f"{reason}: leave out 'project'")
         if isinstance(found, Tableau):  # given itself, or by its name or file
             object.__setattr__(self, "method", found.name if METHODS.get(found.name) is found else found)
 

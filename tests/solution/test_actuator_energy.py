@@ -7,6 +7,8 @@ from shared import shared_model
 import mbdae
 from mbdae.solution.signal_value import signal_values
 from mbdae.solution.signals import units
+from mbdae.solution.work_columns import total_works
+from mbdae.studies.report.report_tables import actuator_table
 
 MASS, ARM, SPEED, G = 3.0, 0.2, 4.0, 9.81
 ROTOR = f"""
@@ -96,3 +98,43 @@ def test_works_and_impacts_are_the_change_of_the_energy():
         change[k] -= x.loss
     np.testing.assert_allclose(change, found["energy"] - found["energy"][0], atol=1e-8 * np.ptp(found["energy"]))
     assert found["work.oil"][-1] < 0 < np.abs(found["work.push"]).max()
+
+
+CART = {"name": "cart", "parent": "world", "joint": "prismatic", "axis": [1, 0, 0], "mass": 2.0}
+ROD = {"name": "rod", "parent": "cart", "joint": "revolute", "axis": [0, 1, 0], "mass": 1.0, "com": [0, 0, -0.5]}
+BELT = {"name": "belt", "joint": "cart", "speed": {"kind": "steps", "points": [[0.0, 0.5], [0.7, -0.4], [1.5, 1.0]]}}
+DAMPING = {"kind": "joint_damping", "name": "oil", "joint": "rod", "damping": 0.05}
+
+
+def cart(**tables):
+    """A cart whose speed jumps."""
+    return mbdae.load({"body": [CART], "driver": [BELT], **tables})
+
+
+def test_the_work_of_a_jump_of_a_driven_speed_is_the_change_of_the_kinetic_energy():
+    """m (u'+^2 - u'-^2)/2, from the impulse m (u'+ - u'-) at the mean of both speeds."""
+    for times in (None, [0.3, 0.7, 1.0, 1.5, 2.0]):
+        sol = mbdae.solve(cart(), (0, 2), t_eval=times)
+        speeds = sol.signals("v.cart")["v.cart"]
+        np.testing.assert_allclose(sol.signals("work.belt")["work.belt"], speeds**2 - 0.25, rtol=0, atol=1e-14)
+    assert total_works(sol) == pytest.approx({"belt": 0.75})
+    assert "<td>0.75</td>" in actuator_table(sol)
+
+
+@pytest.mark.parametrize("saved", [False, True])
+def test_works_of_drivers_in_elastic_impacts_are_the_change_of_the_energy(saved, tmp_path):
+    """A rod on the cart bounces off its stops, whose impulses do no work; the belt does, at its constant speed."""
+    start = {"q": {"rod": 0.1}}
+    stop = {"joint": "rod", "lower": -0.2, "upper": 0.3, "restitution": 1.0}
+    mech = cart(body=[CART, ROD], force=[DAMPING], stop=[stop], start=start)
+    sol = mbdae.solve(mech, (0, 2), rtol=1e-9, atol=1e-11)
+    if saved:
+        sol.save(tmp_path / "run.npz")
+        sol = mbdae.Solution.load(tmp_path / "run.npz")
+    assert {x.where[0] for x in sol.impacts} == {"belt", "rod stop lower", "rod stop upper"}
+    found = sol.signals(["energy", "work", "work.belt", "work.oil"])
+    total = found["work.belt"] + found["work.oil"]
+    np.testing.assert_allclose(total, found["work"] - found["work"][0], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(total, found["energy"] - found["energy"][0], rtol=0, atol=1e-9)
+    assert sum(total_works(sol).values()) == total[-1]
+    assert max(abs(x.loss) for x in sol.impacts if x.where[0] != "belt") > 0.5

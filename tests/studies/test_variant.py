@@ -4,6 +4,7 @@ import pytest
 
 import mbdae
 from mbdae.errors import InputError
+from mbdae.integrate.steppers.scipy_ivp import SCIPY
 from mbdae.studies.method_variant import Variant, default_variants, variant_from_settings, variants
 
 METHODS = ("pherk5", "herk3", "ggl:pherk5", "project:pherk5", "index1:RK45")
@@ -55,3 +56,10 @@ def test_wrong_variants_are_rejected_by_name(text, words):
     with pytest.raises(InputError) as rejection:
         Variant.parse(text)
     assert all(word in str(rejection.value) for word in words)
+
+
+@pytest.mark.parametrize("name", [*SCIPY, "ida"])
+def test_the_state_of_other_libraries_is_not_projected(name):
+    """Also of Runge-Kutta methods, which have no history: the reason is that they keep their state."""
+    with pytest.raises(InputError, match=f"^'{name}' is a solver of another library, whose state is not projected"):
+        Variant(name, "index1" if name in SCIPY else "index2", project=True)

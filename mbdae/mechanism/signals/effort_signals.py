@@ -82,10 +82,19 @@ def efforts(mech: "Mechanism", t: Array, q: Array, v: Array, s: Array) -> dict[s
 
 def driver_powers(mech: "Mechanism", t: Array, lam: Array) -> dict[str, Array]:
     """Return ``power.<driver>``, effort times u'(t), in W, (n,) each."""
+    rates = driver_rates(mech, t)
+    return {f"power.{name}": lam[:, i] * rates[:, i] for name, i in driver_rows(mech).items()}
+
+
+def driver_rows(mech: "Mechanism") -> dict[str, int]:
+    """Return the row of each driver."""
+    return {d.name: mech.rows_of(d.name)[0] for d in mech.drivers}
+
+
+def driver_rates(mech: "Mechanism", t: Array) -> Array:
+    """Return the rates u'(t) of the rows of drivers, (n, ng), 0 of other rows."""
     with mech.workspaces.borrowed() as system:
-        rates = np.array([system.constraints.motion(float(x))[1] for x in t]).reshape(len(t), -1)
-    rows = {d.name: mech.rows_of(d.name)[0] for d in mech.drivers}
-    return {f"power.{name}": lam[:, i] * rates[:, i] for name, i in rows.items()}
+        return np.array([system.constraints.motion(float(x))[1] for x in t]).reshape(len(t), -1)
 
 
 def brake_rows(mech: "Mechanism") -> dict[str, tuple[int, int]]:

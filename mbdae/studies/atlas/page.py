@@ -15,7 +15,7 @@ from ..comparison.run_result import RunResult
 from ..figures import line_style
 from ..method_variant import Variant
 from ..report.templates import rendered
-from .result import WORK_MEASURES, Atlas
+from .result import WORK_MEASURES, Atlas, rounded
 
 if TYPE_CHECKING:
     from .method_runs import LongRun, MethodRuns
@@ -28,7 +28,6 @@ SECTIONS = {
     "failed": "Failures",
 }
 COUNTS = ("steps", "rejected", "solves", "f", "factorizations")
-DIGITS = 4  # digits of numbers on the page
 
 
 def page(atlas: Atlas) -> str:
@@ -109,8 +108,3 @@ def _long(r: "MethodRuns", x: "LongRun") -> dict[str, Any]:
     residuals = {"g": x.g, "Gv": x.Gv, "solves": x.solves}
     values = {name: rounded(value) for name, value in {**energy, **residuals}.items()}
     return {"model": r.model, "method": r.method, "step": x.step, "end": x.t_end, "status": x.status, **values}
-
-
-def rounded(x: float | None) -> float | None:
-    """Round a number to `DIGITS` significant digits; integers are unchanged."""
-    return x if x is None or isinstance(x, int) else float(f"{x:.{DIGITS - 1}e}")

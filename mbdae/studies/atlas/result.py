@@ -4,7 +4,6 @@ import json
 from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
-from math import log10
 from pathlib import Path
 from statistics import quantiles
 from typing import Any, NamedTuple
@@ -59,6 +58,7 @@ class FailedRun(NamedTuple):
 
 
 EQUAL_WORK = 1.01  # interpolated numbers of solves within this ratio are taken as equal
+DIGITS = 4  # digits of numbers on the page and in the file; three cannot resolve EQUAL_WORK
 
 
 @dataclass(frozen=True)
@@ -194,7 +194,7 @@ class Atlas(Tabular):
                 for target, found in self.rankings(m.model, "q").items()
             }
         runs = [r for r in self.runs if r.model == m.model]
-        out["energy_rate"] = {r.method: [_rounded(r.long.largest_rate), r.long.has_trend] for r in runs if r.long}
+        out["energy_rate"] = {r.method: [rounded(r.long.largest_rate), r.long.has_trend] for r in runs if r.long}
         out["failed"] = {
             r.method: status
             for r in runs
@@ -236,12 +236,12 @@ def _counted(names: list[tuple[str, ...]]) -> str:
 def _signed_work(entries: list[RankingEntry], methods: tuple[str, ...]) -> list[float | None]:
     found = {x.method: (x.work, x.bound) for x in entries}
     amounts = [found.get(name, (None, False)) for name in methods]
-    return [None if work is None else (_rounded(-work) if bound else _rounded(work)) for work, bound in amounts]
+    return [None if work is None else (rounded(-work) if bound else rounded(work)) for work, bound in amounts]
 
 
-def _rounded(x: float | None) -> float | None:
-    """Round a number to three significant digits; an int if it is integral."""
-    if not x:
+def rounded(x: float | None) -> float | None:
+    """Round a number to `DIGITS` significant digits; an int if it is integral, ints are unchanged."""
+    if x is None or isinstance(x, int):
         return x
-    y = round(x, 2 - int(log10(abs(x)) // 1))
-    return int(y) if y == int(y) else y
+    y = float(f"{x:.{DIGITS - 1}e}")
+    return int(y) if y.is_integer() else y

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, floor, log
 
-from ...units import quantity
+from ...units import elapsed, unit_name
 
 Runs = Sequence[tuple[float, float]]  # (error, work), from coarse to fine
 
@@ -85,5 +85,5 @@ def sentence(entries: Sequence[RankingEntry], work: str) -> str:
 
 
 def _amount(value: float, work: str, bound: bool) -> str:
-    text = f"{value:.0f}" if work == "solves" else quantity(value, "s", ".3g")
+    text = f"{value:.0f}" if work == "solves" else f"{elapsed(value)} {unit_name('s')}"
     return f"at most {text}" if bound else text

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from ...tabular import align_columns
-from ...units import displayed, quantity, unit_name
+from ...units import displayed, elapsed, quantity, unit_name
 from ..method_variant import format_tolerance
 from .run_result import COUNTS
 
@@ -60,7 +60,7 @@ def _row(result: "Comparison", p: "RunResult") -> list[str]:
     n_residuals = _residuals(result)
     setting = format_tolerance(p.rtol) if p.rtol is not None else f"{p.n} steps"
     counts = ["-" if getattr(p, name) is None else str(getattr(p, name)) for name in COUNTS]
-    seconds = "-" if p.seconds is None else f"{displayed(p.seconds, 's')[0]:.3f}"
+    seconds = "-" if p.seconds is None else elapsed(p.seconds)
     if not p.success:
         missing = ["-"] * (len(result.quantities) - 1 + n_residuals)
         return [p.method, setting, p.status, *missing, *counts, seconds]

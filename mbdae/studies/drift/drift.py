@@ -16,6 +16,7 @@ from ...tabular import Columns, Tabular
 from ...textbook.hessenberg import Hessenberg
 from ...units import displayed, quantity
 from ..method_variant import run_labels
+from .impact_summary import ImpactSummary, impact_summary
 from .long_time import momentum_changes, reject_textbook, reversal_error
 from .trend import linear_trend
 
@@ -79,6 +80,7 @@ class Drift(Tabular):
         reversal: differences of q (m, rad) and v (m/s, rad/s) at the start after a run back from the end; None unless
             requested, or if that run ended early.
         history: residuals over time.
+        impacts: the impacts of the run, whose loss is in W; None without impacts.
         units: units of ``g_max``, ``g_end``, ``Gv_max`` and ``Gv_end``: those of the rows with the largest residuals.
     """
 
@@ -101,6 +103,7 @@ class Drift(Tabular):
     units: dict[str, str] = field(default_factory=dict, kw_only=True)
     momenta: dict[str, float] | None = None
     reversal: tuple[float, float] | None = None
+    impacts: ImpactSummary | None = None
 
     @property
     def energy_relative(self) -> float | None:
@@ -117,7 +120,8 @@ class Drift(Tabular):
     def to_dict(self) -> JsonObject:
         """Return JSON data."""
         values = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "history"}
-        return {**values, "energy_relative": self.energy_relative}
+        impacts = None if self.impacts is None else self.impacts._asdict()
+        return {**values, "impacts": impacts, "energy_relative": self.energy_relative}
 
     def to_columns(self) -> Columns:
         """Return largest |g| and |G v|, and the relative error of the energy balance, over time."""
@@ -184,6 +188,7 @@ class Drift(Tabular):
             q, v = self.reversal or (np.nan, np.nan)
             back = f"|dq| {q:.1e}, |dv| {v:.1e}" if self.reversal else "ended early"
             lines.append(f"  run back to the start: {back}")
+        lines += [f"  {self.impacts}"] if self.impacts else []
         return "\n".join(lines)
 
 
@@ -262,6 +267,7 @@ def drift(sol: Solution, *, long_time: bool = False) -> Drift:
         history=history,
         momenta=momentum_changes(sol) if long_time else None,
         reversal=reversal_error(sol) if long_time else None,
+        impacts=impact_summary(sol),
         units=units,
     )
 

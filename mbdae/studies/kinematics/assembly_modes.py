@@ -113,7 +113,8 @@ def assembly_modes(
     mechanism can move belong to one circuit. Source: Chase, Mirth, J. Mech. Design 115 (1993).
 
     Poses that differ by full turns of joints are one mode, even if a wheel or rack that is moved by couplings alone has
-    a different position.
+    a different position; so are those with other angles of several axes between two bodies, of a ball joint of three
+    hinges with massless links.
 
     Args:
         mech: the mechanism, or an argument of `mbdae.load`.

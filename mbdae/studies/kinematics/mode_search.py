@@ -13,6 +13,7 @@ import numpy as np
 from ...mechanism import Mechanism
 from ...mechanism.assembly.position_search import gauss_newton, is_closed
 from ...mechanism.closures.kinds.coupling import CouplingClosure
+from ...mechanism.equations.axis_chains import axis_chains, end_distances
 from ...mechanism.equations.characteristic_length import linkage_lengths
 from ...mechanism.tree.frames import find_joint, find_joints
 from ...mechanism.tree.joints import angle_components, translation_components
@@ -78,6 +79,7 @@ class ModeSearch:
         self.locked_values = {d.joint: d.follow(u)[0] for d in driven.drivers if d.joint and d.motion is not None}
         sliding = [abs(d.follow(u)[0]) for d in driven.drivers if driven.row_units[driven.rows_of(d.name)[0]] == "m"]
         reach = sum(linkage_lengths(driven)) + sum(sliding) or driven.characteristic_length
+        self.chains = [x for x in axis_chains(driven) if distinguishing[x.columns].all()]
         self.widths = np.where(translation_components(driven.model), reach, np.pi)
 
     def run(self, most: int) -> "ModeSearch":
@@ -140,12 +142,15 @@ class ModeSearch:
         return q if unwrapped is None else unwrapped
 
     def _find(self, q: Array) -> FoundMode | None:
-        same = (
-            m
-            for m in self.modes
-            if np.abs(self.curve.wrapped_difference(m.q, q)[self.distinguishing]).max() < MODE_TOLERANCE
-        )
+        same = (m for m in self.modes if self._distance(m.q, q)[self.distinguishing].max() < MODE_TOLERANCE)
         return next(same, None)
+
+    def _distance(self, q0: Array, q1: Array) -> Array:
+        """Return |q1 (-) q0| up to full turns, (nv,); of axes in a chain the distance of the poses at its end."""
+        distance = np.abs(self.curve.wrapped_difference(q0, q1))
+        for chain, x in zip(self.chains, end_distances(self.system.mechanism, self.chains, q0, q1), strict=True):
+            distance[chain.columns] = x
+        return distance
 
     def _register(self, q: Array) -> FoundMode:
         """Return the mode with this pose; if it is new, add all modes of its circuit."""

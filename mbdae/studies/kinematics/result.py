@@ -190,6 +190,7 @@ class Kinematics(Tabular):
         mech, n = self.mechanism, len(t)
         rest = np.zeros((n, len(mech.states) + 1))
         settings = {"method": "kinematics", "dense_order": 3, "formulation": "index2", "project": False}
+        settings |= {"over": "arclength"} if speed is None else {}
         counts = dict.fromkeys(("f", "M", "G", "solves", "factorizations"), 0)
         stats = {"steps": n - 1, "rejected": 0, **counts, "seconds": 0.0, "backend": "python"}
         sol = Solution(mech, t, np.hstack([q, v, rest]), np.full((n, mech.ng), np.nan), "finished",
@@ -283,9 +284,8 @@ class Kinematics(Tabular):
         if self.locked:
             lines.append(f"  locked: {', '.join(self.locked)}")
         for i, x in enumerate(self.segments, 1):
-            poses = x.last - x.first
             low, high = (self._input(u) for u in (x.low, x.high))
-            lines.append(f"  curve {i}: {poses} poses, input {low:.6g} to {high:.6g}, {ENDS[x.ended]}")
+            lines.append(f"  curve {i}: {x.last - x.first} poses, input {low:.6g} to {high:.6g}, {ENDS[x.ended]}")
         if self.dead_points:
             lines.append(f"  dead points at {', '.join(f'{self._input(u):.12g}' for u, _ in self.dead_points)}")
         for b in self.branch_points:

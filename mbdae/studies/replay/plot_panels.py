@@ -79,7 +79,7 @@ def panes(
     chosen = [_expanded(entry, user_signals, mech) for entry in _entries(plots)]
     required = [*_columns(chosen, user_signals, mech), *(() if plots else ("kinetic", "potential"))]
     table = _table(sol, user_signals, required)
-    groups = _defaults(table, mech) if plots is None else [_Group(tuple(dict.fromkeys(names))) for names in chosen]
+    groups = _defaults(table, sol) if plots is None else [_Group(tuple(dict.fromkeys(names))) for names in chosen]
     groups += _ungrouped(groups, user_signals)
     functions = {name: signal for name, signal in user_signals.items() if callable(signal)}
     tables = [table, *(_table(ghost, functions, required) for ghost in ghosts)]
@@ -116,11 +116,17 @@ def _ungrouped(groups: Sequence[_Group], user_signals: Mapping[str, Signal]) -> 
     return [_Group((name,)) for name in user_signals if name not in grouped]
 
 
-def _defaults(table: Mapping[str, Curve], mech: "Mechanism") -> list[_Group]:
+def is_over_arclength(sol: "Solution") -> bool:
+    """Return whether t is the arclength of a curve of poses, in which energies of motion have no meaning."""
+    return sol.settings.get("over") == "arclength"
+
+
+def _defaults(table: Mapping[str, Curve], sol: "Solution") -> list[_Group]:
     """Return the default groups: coordinates by unit except for quaternions, energies, and the largest |g|."""
+    mech, energies = sol.mechanism, ("potential",) if is_over_arclength(sol) else ("kinetic", "potential", "energy")
     unit = {n: u for n, u in units(mech).items() if n.startswith("q.") and u != "1"}  # quaternions are not readable
     by_unit = [_largest_range(table, [n for n in unit if unit[n] == u]) for u in dict.fromkeys(unit.values())]
-    return [*by_unit, _Group(("kinetic", "potential", "energy")), *([_Group(("g",))] if mech.ng else [])]
+    return [*by_unit, _Group(energies), *([_Group(("g",))] if mech.ng else [])]
 
 
 def _largest_range(table: Mapping[str, Curve], names: list[str]) -> _Group:

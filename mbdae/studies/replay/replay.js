@@ -5,7 +5,7 @@
 const covered = () => Math.min(0.4, byId("caption").offsetHeight / byId("pane").clientHeight);
 
 function player(viewer, scene) {
-  const {start, end, frames} = scene, direction = end < start ? -1 : 1, duration = Math.abs(end - start);
+  const {start, end, frames, axis} = scene, direction = end < start ? -1 : 1, duration = Math.abs(end - start);
   const digits = duration > 0 ? Math.min(9, Math.max(2, Math.ceil(2.5 - Math.log10(duration)))) : 2;
   const view = cameras(viewer, scene, byId("pane"), covered), place = stage(viewer, scene);
   const plots = plot(scene, t => { page.seek(t); });
@@ -52,8 +52,9 @@ function player(viewer, scene) {
     }
     [shown, moved] = [offset, false];
     plots.draw(page.t);
-    const speed = page.speed === 1 ? "" : ` (${+page.speed.toPrecision(3)} × real time)`;
-    const text = scene.sliders ? page.said || "" : `t = ${page.t.toFixed(digits)} s${speed}${chosen ? `, ${chosen.name}` : ""}`;
+    const pace = +page.speed.toPrecision(3), speed = pace === 1 ? "" : ` (${axis.name === "time" ? `${pace} × real time` : `${pace}/s`})`;
+    const at = `${axis.clock}${page.t.toFixed(digits)}${axis.unit}${speed}`;
+    const text = scene.sliders ? page.said || "" : `${at}${chosen ? `, ${chosen.name}` : ""}`;
     if (byId("clock").textContent !== text) byId("clock").textContent = text;
     byId("time").value = duration > 0 ? offset / duration : 0;
     byId("time").ariaValueText = text;

@@ -16,7 +16,7 @@ from ..figures import COLOURS
 from . import animation_tracks as tracks
 from .html_page import Extras, html_document, inline_frame, scene_data
 from .mode_tracks import mark_parts, mode_legend, mode_tracks_of
-from .plot_panels import Plot, PlotPanel, Signal, panes
+from .plot_panels import Plot, PlotPanel, Signal, is_over_arclength, panes
 from .threejs import selectable_clips, typed_array
 from .video import VIDEO, film
 
@@ -176,6 +176,7 @@ def page(
         "start": float(times[0]),
         "end": float(times[-1]),
         "speed": float(speed),
+        "axis": _axis(sol),
         "gaps": tracks.closure_gaps(scene, q),
         "camera": camera,
         "follow": follow,
@@ -253,6 +254,13 @@ def _frames(sol: "Solution", rate: float, max_frames: int | None) -> tuple[np.nd
     if bad.any():
         raise InputError(f"the solution is not finite at t = {times[bad.argmax()]:g}")
     return times, q
+
+
+def _axis(sol: "Solution") -> dict[str, str]:
+    """Return the name of the independent variable, and the texts before and after its values."""
+    if is_over_arclength(sol):
+        return {"name": "arclength", "clock": "arclength s = ", "tick": "s = ", "unit": ""}
+    return {"name": "time", "clock": "t = ", "tick": "", "unit": " s"}
 
 
 def _pane(pane: PlotPanel) -> dict[str, Any]:

@@ -53,6 +53,7 @@ function controls(page, scene) {
     follow(view.state.followed);
   };
   byId("play").onclick = page.toggle;
+  byId("time").ariaLabel = scene.axis.name || "time";
   byId("time").oninput = event => page.seek(page.start + event.target.value * (scene.end - scene.start));
   byId("loop").onclick = repeat;
   byId("fit").onclick = fit;

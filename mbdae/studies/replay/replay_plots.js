@@ -59,14 +59,18 @@ class Pane {
       for (let k = high; k >= low; k -= step) out.unshift(10 ** k);
       return out;
     };
-    const seconds = (u, at) => at.map((t, i) => `${+t.toPrecision(6)}${i === at.length - 1 ? " s" : ""}`.replace("-", "−"));
+    const {name: variable, tick, unit} = scene.axis;
+    const marked = (u, at) => at.map((t, i) => {
+      const text = `${+t.toPrecision(6)}`.replace("-", "−");
+      return i === at.length - 1 ? `${tick}${text}${unit}` : text;
+    });
     this.plot = new uPlot({
       width: 300, height: 120, title: data.title, series: [{value: () => ""}, ...series],
       legend: {live: true, markers: {width: 0, fill: (u, i) => series[i - 1].stroke}},
       cursor: {sync: {key: "mbdae", setSeries: false}, drag: {x: true, y: false}, points: {size: 6}},
       scales: {x: {time: false}, y: range ? {distr: 3, range: () => range} : {}},
       axes: [
-        {...axis, size: 24, gap: 2, space: 60, values: seconds},
+        {...axis, size: 24, gap: 2, space: 60, values: marked},
         {...axis, size: 58, gap: 3, space: 22, ...(range ? {values: powers, splits: every, filter: (u, splits) => splits} : {})},
       ],
       hooks: {
@@ -82,7 +86,7 @@ class Pane {
       if (Math.abs(event.clientX - from) < 4) seek(this.plot.posToVal(event.clientX - over.getBoundingClientRect().left, "x"));
     });
     canvas.setAttribute("role", "img");
-    canvas.setAttribute("aria-label", `${data.title} over time: ${names.join(", ")}`);
+    canvas.setAttribute("aria-label", `${data.title} over ${variable}: ${names.join(", ")}`);
   }
 
   // The plot has the height that the legend does not need.

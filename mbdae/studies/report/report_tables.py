@@ -11,7 +11,7 @@ from ...mechanism.checked_table import Table
 from ...mechanism.closures.constraints import spec_kind
 from ...mechanism.tree.joints import file_kind
 from ...solution.solution import Solution
-from ...solution.work_columns import elements_with_power
+from ...solution.work_columns import elements_with_power, total_works
 from ...tabular import rounded_zero
 from ...units import displayed, unit_name
 from ..comparison.comparison import SHOWN
@@ -81,13 +81,13 @@ def actuator_table(sol: Solution) -> str:
     names = elements_with_power(sol.mechanism)
     if not names:
         return ""
-    found = sol.statistics([f"power.{name}" for name in names])
-    rows = []
+    found, works = sol.statistics([f"power.{name}" for name in names]), total_works(sol)
+    duration, rows = abs(float(sol.nodes[0][-1] - sol.nodes[0][0])), []
     for name in names:
         power, sums = f"power.{name}", found.integrals[f"power.{name}"]
         values = (found.minimum[power].value, found.maximum[power].value, sums.mean)
         scale = abs(found.peak(power).value)
-        work = displayed(sums.integral if rounded_zero(sums.mean, scale) else 0.0, "J")[0]
+        work = displayed(rounded_zero(works[name], scale * duration), "J")[0]
         rows.append([name, *(f"{displayed(rounded_zero(x, scale), 'W')[0]:.5g}" for x in values), f"{work:.5g}"])
     headers = ["name", "least power", "largest power", f"mean ({unit_name('W')})", f"work ({unit_name('J')})"]
     return elements().captioned("Power and work of forces and drivers on the mechanism", [headers, *rows])

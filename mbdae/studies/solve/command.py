@@ -12,12 +12,11 @@ from ...cli.runs import simulate
 from ...cli.study_command import Output, Study, command
 from ...cli.values import panels, split_names
 from ...errors import InputError
-from ...units import displayed, quantity, unit_name
+from ...units import listed_times
 
 if TYPE_CHECKING:
     from ...solution.solution import Problem, Solution
 
-PRINTED_TIMES = 5  # number of printed times of an event
 REPLAYS = ("html", "video", "glb")
 REPLAY_ARGUMENTS = ("speed", "plots", "traces", "arrows", "every", "camera", "follow", "closures", "deformation")
 FILES = (
@@ -126,21 +125,6 @@ def _summary(sol: "Solution", events: Sequence[str], until: Sequence[str]) -> tu
         "impacts": [x._asdict() for x in sol.impacts],
     }
     listed = [text for text, t in times.items() if text not in until or t.tolist() != [sol.t[-1]]]  # not in str(sol)
-    lines = [str(sol), str(found), *(f"  {text}: {_times(times[text])}" for text in listed)]
+    lines = [str(sol), str(found), *(f"  {text}: {listed_times(times[text])}" for text in listed)]
     lines += [f"  singular configuration: {x}" for x in sol.singular]
-    return data, [*lines, *([_impacts(sol)] if sol.impacts else [])]
-
-
-def _impacts(sol: "Solution") -> str:
-    """Return the impacts in words: participants, times, and energy loss."""
-    names = ", ".join(dict.fromkeys(name for x in sol.impacts for name in x.where))
-    times, loss = [x.t for x in sol.impacts], sum(x.loss for x in sol.impacts)
-    energy = quantity(abs(loss), "J", ".4g")
-    return f"  impacts on {names}: {_times(times)}, {energy} {'lost' if loss >= 0 else 'added by drivers'}"
-
-
-def _times(times: Any) -> str:
-    """Return the first few times of an event as text."""
-    first = ", ".join(f"{displayed(t, 's')[0]:.9g}" for t in times[:PRINTED_TIMES])
-    more = ", ..." if len(times) > PRINTED_TIMES else ""
-    return f"t = {first}{more} {unit_name('s')} ({len(times)})" if len(times) else "never"
+    return data, lines

@@ -79,7 +79,7 @@ class View:
             **scene_data(scene, self.mechanism.model, at_start, np.zeros(1), reached),
             "choices": selectable_clips(drawables(scene), at_start, by_joint),
             "frames": 1,
-            **{"start": 0.0, "end": 1.0, "speed": 1.0},
+            **{"start": 0.0, "end": 1.0, "speed": 1.0, "axis": {}},
             "gaps": tracks.closure_gaps(scene, reached),
             **{"camera": None, "follow": "", "marked": False, "ghosts": [], "panes": []},
             "sliders": [_slider_data(s) for s in self.sliders],

@@ -1,7 +1,10 @@
 """Drift: its reference values, at known states."""
 
+import json
+
 import numpy as np
 import pytest
+from commands import call
 from links import C, M, arm
 
 import mbdae
@@ -74,3 +77,28 @@ def test_a_run_that_ended_before_its_first_time(model):
     assert f"t = {sol.nodes[0][-1]:.9g} s" in str(sol)
     with pytest.raises(InputError, match="has no times: the run ended before the first of t_eval"):
         mbdae.drift(sol)
+
+
+def test_impacts_of_a_saved_run_are_reported(tmp_path):
+    """Their losses are in the work of the energy balance, of a pendulum without forces the whole work."""
+    sol = mbdae.solve("pendulum_on_stop", (0, 3))
+    sol.save(tmp_path / "run.npz")
+    code, out, err = call("drift", "run.npz", cwd=tmp_path)
+    assert (code, err) == (0, "")
+    line = "  impacts on rod stop: t = 0.464927724, 1.27497619, 1.97549149, 2.56071803 s (4), 5.482 J lost"
+    assert out.splitlines()[-1] == line
+    assert call("solve", "pendulum_on_stop", "-t", "3", cwd=tmp_path)[1].count("impacts on") == 1
+    found = mbdae.drift(sol)
+    assert found.impacts.loss == pytest.approx(-found.work_end, rel=1e-12)
+    data = json.loads(call("drift", "run.npz", "--json", cwd=tmp_path)[1])
+    assert data["impacts"] == {"names": ["rod stop"], "times": [x.t for x in sol.impacts], "loss": found.impacts.loss}
+    with mbdae.display_units("ms", "mJ"):
+        assert str(found).endswith("t = 464.927724, 1274.97619, 1975.49149, 2560.71803 ms (4), 5482 mJ lost")
+
+
+def test_energy_that_drivers_add_in_impacts_is_no_loss():
+    body = {"name": "cart", "parent": "world", "joint": "prismatic", "axis": [1, 0, 0], "mass": 2.0}
+    driver = {"name": "belt", "joint": "cart", "speed": {"kind": "steps", "points": [[0.0, 0.5], [0.7, 1.0]]}}
+    found = mbdae.drift(mbdae.solve({"body": [body], "driver": [driver]}, (0, 1)))
+    assert str(found).endswith("  impacts on belt: t = 0.7 s (1), 0.75 J added by drivers")
+    assert mbdae.drift(mbdae.solve("pendulum_on_stop", (0, 0.1))).to_dict()["impacts"] is None

@@ -91,7 +91,7 @@ def test_slow_motion_stores_more_frames_and_what_rests_one(fourbar, tmp_path):
 @pytest.mark.slow
 def test_a_mesh_is_stored_once(tmp_path):
     panda = mbdae.load("panda_handle")
-    still = SimpleNamespace(t=np.zeros(1), q=np.array([pin.neutral(panda.model)]), mechanism=panda)
+    still = SimpleNamespace(t=np.zeros(1), q=np.array([pin.neutral(panda.model)]), mechanism=panda, settings={})
     page = animate(still, tmp_path / "run.html", **PLAIN)
     data = payload(page)
     files = {s.mesh for s in panda.scene.shapes if s.mesh is not None}
