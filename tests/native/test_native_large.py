@@ -44,6 +44,16 @@ def test_an_implicit_method_on_many_bodies():
     assert_same(native, python, 1e-11, own=1e-9)
 
 
+IMPLICIT = [{"method": "radau5"}, {"method": "rattle4"}, {"method": "alpha"}, {"method": "radau5", "formulation": "ggl"}]
+
+
+@pytest.mark.parametrize("options", IMPLICIT, ids=str)
+def test_matrices_of_implicit_methods_have_a_band(options):
+    """Of 20 four-bars, in the order of their loops; in Python they are full."""
+    native, python = both(mbdae.load("n_four_bar", N=20), (0, 0.04), step=0.02, **options)
+    assert_same(native, python, 1e-11, own=1e-9)
+
+
 @pytest.mark.parametrize("options", [{"method": "herk4"}, {"method": "pherk5", "project": True}], ids=str)
 def test_many_rows_of_full_rank(options):
     mech, q, v = chain(15)

@@ -57,14 +57,22 @@ void NewmarkStep::correct(const GeneralizedAlpha& a, double t, Vector& dx) {
 
   const int size = n_ + r + m;
   matrix_.resize(size);
+  std::vector<size_t> nonzero;  // columns: few in systems of many bodies
   const auto add_to_row = [&](int i, const double* du_partials, const double* dx_partials, double weight,
                               double factor) {
     // row i: factor * du_partials (nv,) + weight * dx_partials in the columns of v'; weight * dx_partials N in those of
     // mu
-    for (size_t j = 0; j < nv; ++j)
+    nonzero.clear();
+    for (size_t j = 0; j < nv; ++j) {
       matrix_.column(static_cast<int>(j))[i] += (du_partials ? factor * du_partials[j] : 0) + weight * dx_partials[j];
-    for (int k = 0; k < m; ++k)
-      matrix_.column(n_ + r + k)[i] += weight * dot(dx_partials, &normal_[static_cast<size_t>(k) * nv], nv_);
+      if (dx_partials[j] != 0) nonzero.push_back(j);
+    }
+    for (int k = 0; k < m; ++k) {
+      const double* normal = &normal_[static_cast<size_t>(k) * nv];
+      double sum = 0;
+      for (size_t j : nonzero) sum += dx_partials[j] * normal[j];
+      if (sum != 0) matrix_.column(n_ + r + k)[i] += weight * sum;
+    }
   };
   for (size_t i = 0; i < n; ++i) {
     for (size_t j = 0; j < n; ++j) matrix_.column(static_cast<int>(j))[i] = -b1_ * partials_.D[i * n + j];

@@ -32,6 +32,12 @@ def test_methods_and_steps(method, options):
     compare(sol, ["joint.crank.mass", "start.q.crank"], ["q.crank", "lam.pin.1"], start=True)
 
 
+def test_matrices_with_a_band():
+    """Of implicit steps of many bodies, solved with their transposes by the adjoint alone."""
+    sol = mbdae.solve(mbdae.load("n_four_bar", N=20), (0.0, 0.04), method="radau5", step=0.02)
+    compare(sol, ["gravity.2"], ["q.crank_0", "v.coupler_20"], start=True)
+
+
 def test_jumps_events_and_times_between_nodes():
     hold = mbdae.Sampled(lambda t, q, v: -5 * v[:1], rate=10, joints="crank", name="hold")
     mech = mbdae.load("four_bar", forces=[hold])
