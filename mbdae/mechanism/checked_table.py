@@ -104,11 +104,13 @@ def one_line(error: ValidationError, known: KnownKeys, content: object = None) -
             pydantic has tried several kinds of table.
     """
     messages: dict[str, str] = {}
-    for e in error.errors():
+    errors = error.errors()
+    length = {e["loc"][:-1]: int(e["loc"][-1]) + 1 for e in errors if _has_too_few_entries(e)}  # the last one missing
+    for e in errors:
         path = _key_path(e["loc"], e["type"], content)
         where = ".".join(path[:-1] if _has_too_few_entries(e) else path)
         if where not in messages:
-            messages[where] = _message(e, where, known)
+            messages[where] = _message(e, where, known, length.get(e["loc"][:-1]))
     return "; ".join(messages.values())
 
 
@@ -167,14 +169,14 @@ def _structure(e: "ErrorDetails", where: str) -> str:
     return "Input should be a table" if kind in ("model_type", "model_attributes_type", "dict_type") else ""
 
 
-def _message(e: "ErrorDetails", where: str, known: KnownKeys) -> str:
+def _message(e: "ErrorDetails", where: str, known: KnownKeys, length: int | None) -> str:
     if e["type"].startswith("union_tag_"):  # e["ctx"]["expected_tags"] are quoted and separated by commas
         tag, kinds = e["ctx"]["discriminator"].strip("'"), e["ctx"].get("expected_tags", "").replace("'", "")
         return wrong_kind(f"{where}.{tag}" if where else tag, kinds.split(", "), e["ctx"].get("tag"))
     if e["type"] == "extra_forbidden":
         return f"unknown key {where}; known: {', '.join(known(e['loc'][:-1]))}{_kind_text(e['loc'], where)}"
     if _has_too_few_entries(e):
-        return f"{where}: too few entries, got {str(e['input'])[:80]}"
+        return f"{where}: Input should have {length} entries, not {len(e['input'])}, got {str(e['input'])[:80]!r}"
     if e["type"] == "missing":
         return f"missing key {where}{_kind_text(e['loc'], where)}"
     message = _structure(e, where) or e["msg"].removeprefix("Value error, ")

@@ -33,6 +33,8 @@ BODY = '[[body]]\nname = "a"\nparent = "world"\nmass = 1.0\ninertia = [1, 1, 1, 
         ("start = 1\n" + BODY, "m.toml: start: Input should be a table, got '1'"),
         (BODY + "[[driver]]\njoint = 'a'\nmotion = 's'", "m.toml: driver.a.motion: Input should be a number or"),
         (BODY + "axis = [0, 1, 0, 0]", "m.toml: body.a.axis: Input should have at most 3 entries, not 4, got"),
+        (BODY.replace(", 0, 0, 0", ""), "m.toml: body.a.inertia: Input should have 6 entries, not 3, got '[1, 1, 1]'"),
+        ('[[input]]\nname = "u"\n' * 2, "m.toml: inputs need different names, got u, u"),
         (BODY.replace('"a"', '""'), "m.toml: body.0.name: String should have at least 1 character"),
         (BODY.replace("1.0", "true"), "m.toml: body.a.mass: Input should be a valid number, got 'True'"),
         (BODY.replace("1.0", '"500"'), "m.toml: body.a.mass: Input should be a valid number, got '500'"),
@@ -117,6 +119,16 @@ def test_all_names_that_do_not_exist_are_said_at_once(tmp_path, monkeypatch):
         "valid: a, b",
         "force.1.closure: unknown closure 'pim' (did you mean 'pin'?)",
         "valid: pin, a-e",
+    ]
+
+
+def test_a_locked_joint_is_no_unknown_one(tmp_path, monkeypatch):
+    spring = "[[force]]\nkind = 'joint_spring'\njoint = ['a', 'x']\nstiffness = 1.0\n"
+    bodies = BODY + BODY.replace('"a"', '"b"')
+    assert faults("lock = { a = 0.0 }\n" + bodies + spring, tmp_path, monkeypatch) == [
+        "m.toml: force.0.joint.0: joint 'a' is locked",
+        "force.0.joint.1: unknown joint 'x'",
+        "valid: b",
     ]
 
 
