@@ -244,7 +244,8 @@ def single_coordinate_joints(model: pin.Model, names: Joints, what: str) -> list
     joints = find_joints(model, names)
     for j, n in zip(joints, [names] if isinstance(names, str) else names, strict=True):
         if (j.nq, j.nv) != (1, 1):
-            raise InputError(f"{what} needs a joint of one coordinate; {n!r} has nq = {j.nq}, nv = {j.nv}")
+            got = "is continuous: make it revolute" if j.nv == 1 else f"has nq = {j.nq}, nv = {j.nv}"
+            raise InputError(f"{what} needs a joint of one coordinate; {n!r} {got}")
     return joints
 
 
