@@ -214,12 +214,22 @@ def test_drift_takes_runs_and_no_names_of_models():
     rejected(InputError, lambda: mbdae.drift("four_bar"), "takes a Solution", "'four_bar'")
 
 
+DAMPING, PIN = mbdae.JointDamping(joint="crank", damping=1.0), mbdae.Closure.point("a", "b")
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [
         (lambda mech: mech.assemble(guess=np.zeros(3)), ["guess must be a table of values by joint", "array"]),
         (lambda mech: mech.assemble(q=3), ["q must be a table of values by joint, or all of them", "got 3"]),
         (lambda mech: mbdae.load("four_bar", forces=3), ["forces are a list", "got 3"]),
+        (lambda mech: mbdae.load("four_bar", forces=DAMPING), ["forces are a list", "got JointDamping("]),
+        (lambda mech: mbdae.load("four_bar", forces=[mbdae.JointSpring]), ["one of Bushing", "the class JointSpring"]),
+        (lambda mech: mbdae.load("four_bar", closures=PIN), ["closures are a list of", "got PointClosure("]),
+        (lambda mech: mbdae.load("four_bar", drivers=[3]), ["drivers are a list of mbdae.Driver", "got 3"]),
+        (lambda mech: mbdae.load("four_bar", motors=[3]), ["motors are a table of controls by name", "got [3]"]),
+        (lambda mech: mbdae.Mechanism(mech.model, [DAMPING]), ["closures are a list of", "JointDamping("]),
+        (lambda mech: mbdae.Mechanism("four_bar"), ["a model is a pinocchio.Model", "got 'four_bar'"]),
         (lambda mech: mbdae.solve(mech, (0, 0.01))("soon"), ["t = nan is outside"]),
         (lambda mech: mbdae.assembly_modes(mech, "crank", at="far"), ["must be a number", "'far'"]),
         (lambda mech: mbdae.assembly_modes(mech, "crank", most=0), ["most must be a positive number", "got 0"]),
