@@ -9,6 +9,7 @@ from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.formats.mechanism_file.schema import read_toml
 
 BODY = '[[body]]\nname = "a"\nparent = "world"\nmass = 1.0\ninertia = [1, 1, 1, 0, 0, 0]\n'
+TORQUE = "[[force]]\nkind = 'joint_torque'\nname = 't'\njoint = 'a'\ntorque = "
 
 
 @pytest.mark.parametrize(
@@ -35,6 +36,9 @@ BODY = '[[body]]\nname = "a"\nparent = "world"\nmass = 1.0\ninertia = [1, 1, 1, 
         (BODY + "axis = [0, 1, 0, 0]", "m.toml: body.a.axis: Input should have at most 3 entries, not 4, got"),
         (BODY.replace(", 0, 0, 0", ""), "m.toml: body.a.inertia: Input should have 6 entries, not 3, got '[1, 1, 1]'"),
         ('[[input]]\nname = "u"\n' * 2, "m.toml: inputs need different names, got u, u"),
+        (BODY + TORQUE + "inf", "m.toml: force.t.torque: Constant: value: Input should be a finite number, got 'inf'"),
+        (BODY + TORQUE + "{ kind = 'steps' }", "m.toml: missing key force.t.torque.points (kind 'steps')"),
+        (BODY + TORQUE + "[1, 'b']", "m.toml: force.t.torque.1: Input should be a number or a table, got 'b'"),
         (BODY.replace('"a"', '""'), "m.toml: body.0.name: String should have at least 1 character"),
         (BODY.replace("1.0", "true"), "m.toml: body.a.mass: Input should be a valid number, got 'True'"),
         (BODY.replace("1.0", '"500"'), "m.toml: body.a.mass: Input should be a valid number, got '500'"),
@@ -49,6 +53,7 @@ def test_files(text, words, tmp_path, monkeypatch):
     with pytest.raises(InputError) as reported:
         mbdae.load("m.toml")
     assert str(reported.value).startswith(words)
+    assert "torque" not in words or str(reported.value) == words  # once, and not as if it were a list of torques
     assert str(pickle.loads(pickle.dumps(reported.value))) == str(reported.value)
 
 
