@@ -151,6 +151,9 @@ def test_assembly(four_bar):
     rejected(UnknownNameError, lambda: four_bar.assemble({"cranc": 1.0}), "unknown joint 'cranc'", "mean 'crank'")
     rejected(UnknownNameError, lambda: four_bar.assemble(v={"x": 1.0}), "valid: crank, coupler, rocker")
     rejected(InputError, lambda: four_bar.assemble({"crank": np.nan}), "'crank' takes 1 finite")
+    ball = mbdae.load("ball_on_turntable")
+    rejected(InputError, lambda: ball.assemble({"ball": [0, 0, 1]}), "7 finite configuration values (x, y, z, qx, ")
+    rejected(InputError, lambda: ball.assemble({"table": [0, 0, 1]}), "1 finite configuration value (its angle), or 2")
     rejected(InputError, lambda: four_bar.assemble({"crank": [1.0, 2.0]}), "'crank' takes 1")
     rejected(InputError, lambda: four_bar.assemble(np.zeros(5)), "q has shape (5,)")
 

@@ -46,6 +46,21 @@ Joints = Annotated[str | tuple[str, ...], AfterValidator(distinct_joints)]
 """The name of a joint, or names of several."""
 
 
+def distinct_frames(names: tuple[str, str]) -> tuple[str, str]:
+    """Return the names of both frames of a force, unchanged.
+
+    Raises:
+        ValueError: for the same name twice: the force would have no effect.
+    """
+    if names[0] == names[1]:
+        raise ValueError(f"it joins frame {names[0]!r} with itself")
+    return names
+
+
+FramePair = Annotated[tuple[str, str], AfterValidator(distinct_frames)]
+"""The names of two frames."""
+
+
 class ForceElement:
     """A force bound to a workspace whose kinematics must be current at q when it is called.
 

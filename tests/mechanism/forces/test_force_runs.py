@@ -162,6 +162,8 @@ WRONG = {
     'joint_friction\njoint = []\nfriction = 1': "at least one joint is needed",
     'bushing\nframes = ["world", "arm"]\nstiffness = [1, 2, 3]': "stiffness",
     'bushing\nframes = ["world", "arm"]\ndamping = [1, 2, 3, 4, 5, -6]': "must not be negative",
+    'bushing\nframes = ["arm", "arm"]': "frames: it joins frame 'arm' with itself",
+    'spring_damper\nframes = ["arm", "arm"]\nstiffness = 1': "frames: it joins frame 'arm' with itself",
     'wrench\nframe = "leg"': "unknown frame 'leg'",
     'wrench\nframe = "arm"\naxes = "body"': "axes",
     'joint_pid\njoint = "arm"\nkd = 1\ncontrols = "velocity"': "kd belongs",
