@@ -57,6 +57,15 @@ def test_files(text, words, tmp_path, monkeypatch):
     assert str(pickle.loads(pickle.dumps(reported.value))) == str(reported.value)
 
 
+def test_a_byte_order_mark_is_no_part_of_a_file(tmp_path):
+    """Editors of Windows write it."""
+    robot = '<robot name="arm"><link name="base"/></robot>'
+    for name, text in (("m.toml", BODY), ("arm.urdf", robot)):
+        (tmp_path / name).write_text(text, encoding="utf-8-sig")
+    assert mbdae.load(tmp_path / "m.toml").nv == 1
+    assert mbdae.load(tmp_path / "arm.urdf", free_flyer=True).nv == 6
+
+
 def test_a_motor_may_be_named_input():
     """Its table is no reference to an input."""
     file = read_toml('[[input]]\nname = "u"\nvalue = 2.0\n[motor]\ninput = { input = "u" }\n', "m.toml")
