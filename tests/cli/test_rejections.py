@@ -234,6 +234,7 @@ DAMPING, PIN = mbdae.JointDamping(joint="crank", damping=1.0), mbdae.Closure.poi
         (lambda mech: mbdae.Mechanism(mech.model, [DAMPING]), ["closures are a list of", "JointDamping("]),
         (lambda mech: mbdae.Mechanism("four_bar"), ["a model is a pinocchio.Model", "got 'four_bar'"]),
         (lambda mech: mbdae.solve(mech, (0, 0.01))("soon"), ["t = nan is outside"]),
+        (lambda mech: mbdae.solve(mech, (0, 0.01)).resampled(0.01), ["times have the shape (m,), got ()"]),
         (lambda mech: mbdae.assembly_modes(mech, "crank", at="far"), ["must be a number", "'far'"]),
         (lambda mech: mbdae.assembly_modes(mech, "crank", most=0), ["most must be a positive number", "got 0"]),
         (lambda mech: mbdae.check_gradients(mech, steps="many"), ["steps must be a number", "'many'"]),
