@@ -68,12 +68,12 @@ def write_page(path: str | Path, page: Callable[[], str], what: str) -> None:
 
 
 def read_text(path: Path) -> str:
-    """Read a text file.
+    """Read a text file, without the byte order mark that editors of Windows begin it with.
 
     Raises:
         InputError: if it cannot be read as UTF-8.
     """
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as e:
         raise InputError(f"cannot read {path}: {e}") from None

@@ -67,6 +67,8 @@ class Table(BaseModel, metaclass=OneLine):
         """Return units for further symbols in the units of keys, or for symbols of joints."""
         return {}
 
+NO_LIST_OR_TABLE = "tuple_type", "model_type", "model_attributes_type", "dict_type"  # types of errors of pydantic
+
 
 def _expected_type(given: Any, found: object) -> LiteralString:
     """Return the message for a string or Boolean coerced to a number, or a value coerced to a Boolean; else "".
@@ -101,15 +103,20 @@ def one_line(error: ValidationError, known: KnownKeys, content: object = None) -
         error: the validation error.
         known: valid keys of a table.
         content: the table, whose list entries are identified by their names. An error is reported once, even if
-            pydantic has tried several kinds of table.
+            pydantic has tried several kinds of table; a list or table with a wrong entry is no value of a wrong kind.
     """
-    messages: dict[str, str] = {}
-    for e in error.errors():
-        path = _key_path(e["loc"], e["type"], content)
-        where = ".".join(path[:-1] if _has_too_few_entries(e) else path)
-        if where not in messages:
-            messages[where] = _message(e, where, known)
-    return "; ".join(messages.values())
+    messages: dict[tuple[str, ...], str] = {}
+    errors, of_other_kinds = error.errors(), set[tuple[str, ...]]()
+    length = {e["loc"][:-1]: int(e["loc"][-1]) + 1 for e in errors if _has_too_few_entries(e)}  # the last one missing
+    for e in errors:
+        keys = _key_path(e["loc"], e["type"], content)
+        path = tuple(keys[:-1] if _has_too_few_entries(e) else keys)
+        if path not in messages:
+            messages[path] = _message(e, ".".join(path), known, length.get(e["loc"][:-1]))
+        if e["type"] in NO_LIST_OR_TABLE:
+            of_other_kinds.add(path)
+    with_entries = {path[:i] for path in messages for i in range(len(path))}
+    return "; ".join(text for path, text in messages.items() if path not in of_other_kinds & with_entries)
 
 
 def _key_path(loc: Location, kind: str, content: object) -> list[str]:
@@ -164,21 +171,22 @@ def _structure(e: "ErrorDetails", where: str) -> str:
     if kind in ("too_long", "too_short"):
         bound = f"at most {ctx['max_length']}" if kind == "too_long" else f"at least {ctx['min_length']}"
         return f"Input should have {bound} entries, not {ctx['actual_length']}"
-    return "Input should be a table" if kind in ("model_type", "model_attributes_type", "dict_type") else ""
+    return "Input should be a table" if kind in NO_LIST_OR_TABLE else ""
 
 
-def _message(e: "ErrorDetails", where: str, known: KnownKeys) -> str:
+def _message(e: "ErrorDetails", where: str, known: KnownKeys, length: int | None) -> str:
     if e["type"].startswith("union_tag_"):  # e["ctx"]["expected_tags"] are quoted and separated by commas
         tag, kinds = e["ctx"]["discriminator"].strip("'"), e["ctx"].get("expected_tags", "").replace("'", "")
         return wrong_kind(f"{where}.{tag}" if where else tag, kinds.split(", "), e["ctx"].get("tag"))
     if e["type"] == "extra_forbidden":
         return f"unknown key {where}; known: {', '.join(known(e['loc'][:-1]))}{_kind_text(e['loc'], where)}"
     if _has_too_few_entries(e):
-        return f"{where}: too few entries, got {str(e['input'])[:80]}"
+        return f"{where}: Input should have {length} entries, not {len(e['input'])}, got {str(e['input'])[:80]!r}"
     if e["type"] == "missing":
         return f"missing key {where}{_kind_text(e['loc'], where)}"
     message = _structure(e, where) or e["msg"].removeprefix("Value error, ")
     if not where:
         return message
     of_table = e["type"] == "value_error" and isinstance(e["input"], dict)  # the message names the inconsistency
-    return f"{where}: {message}" if of_table else f"{where}: {message}, got {str(e['input'])[:80]!r}"
+    got = f", got {str(e['input'])[:80]!r}"  # a nested table may have added it
+    return f"{where}: {message}" if of_table or message.endswith(got) else f"{where}: {message}{got}"

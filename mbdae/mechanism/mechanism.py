@@ -20,6 +20,7 @@ from .closures.clutch import Clutch
 from .closures.constraints import Constraints, Spec, anchors
 from .closures.driver import Driver
 from .closures.unilateral_constraint import Stop
+from .element_kinds import require_elements
 from .equations.dynamics_terms import DynamicsTerms
 from .flexible import require_leaves
 from .forces import bind_forces, named_forces, require_signals, stiction_joints
@@ -35,7 +36,7 @@ from .hybrid.switches import switches_of
 from .joint_stops import resolve_stops
 from .model_settings import Motor, OrderSettings, SolveSettings, Start, as_table, coordinates, vector
 from .tree.frames import find_joint, joint_names
-from .tree.joints import is_depth_first
+from .tree.joints import require_supported
 from .tree.manifold import Manifold
 
 if TYPE_CHECKING:
@@ -98,6 +99,8 @@ class Mechanism(DynamicsTerms):
         left_out: Sequence[str] = (),
         remarks: Sequence[str] = (),
     ) -> None:
+        require_supported(model)
+        require_elements(closures=closures, drivers=drivers, stops=stops, clutches=clutches, resets=resets)
         self.model, self.visuals, self.source, self.title = model, visuals, source, title or model.name
         self.duration, self.start_values = duration, as_table(Start, start)
         self.order, self.settings = as_table(OrderSettings, order), as_table(SolveSettings, settings)
@@ -109,11 +112,6 @@ class Mechanism(DynamicsTerms):
         if len({c.name for c in self.constraints}) < len(self.constraints):
             names = ", ".join(c.name for c in self.constraints)
             raise InputError(f"closures, drivers and stops need different names, got {names}")
-        if any(isinstance(j, pin.JointModelMimic) for j in model.joints):
-            raise InputError("mimic joints are not supported: replace them by a coupling or lock them")
-        if not is_depth_first(model):
-            names = ", ".join(joint_names(model))
-            raise InputError(f"joints must be numbered depth first, see mbdae.mechanism.depth_first; they are {names}")
         require_leaves(model)
         self.closure_anchors, data = [(c, anchors(model, c)) for c in self.closures if c.frames], self.make_workspace()
         bound = Constraints(model, data, self.constraints)  # rejects unknown names

@@ -13,6 +13,7 @@ from ..system import Array
 from ..tolerances import HALF_DIGITS
 from .checked_table import Table
 from .key_units import Coordinates, Unit
+from .tree.coordinate_units import model_suffixes
 from .tree.frames import find_joint
 
 Value = float | tuple[float, ...]
@@ -134,13 +135,20 @@ def coordinates(model: pin.Model, table: Mapping[str, object], *, of_v: bool = F
         if not of_v and (j.nq, j.nv) == (2, 1) and len(values) == 1:
             values = np.array([np.cos(values[0]), np.sin(values[0])])
         if values.shape != (n,) or not np.isfinite(values).all():
-            raise InputError(
-                f"joint {name!r} takes {n} finite {'velocity' if of_v else 'configuration'} values, got {value!r}"
-            )
+            raise InputError(f"joint {name!r} takes {_expected_values(model, name, of_v)}, got {value!r}")
         out[at : at + n] = values
         if not of_v and normalized_or_none(model, out) is None:
             raise InputError(f"joint {name!r}: {value!r} is not a rotation: its quaternion, or cosine and sine, vanish")
     return out if of_v else pin.normalize(model, out), tangent_indices(model, table)
+
+
+def _expected_values(model: pin.Model, name: str, of_v: bool) -> str:
+    """Return how many values a joint takes, and the names of several."""
+    joint, names = find_joint(model, name), [suffix[1:] for suffix in model_suffixes(model, name)[of_v]]
+    if (joint.nq, joint.nv) == (2, 1) and not of_v:
+        return "1 finite configuration value (its angle), or 2 (cosine and sine)"
+    text = f"{len(names)} finite {'velocity' if of_v else 'configuration'} value{'s' * (len(names) > 1)}"
+    return f"{text} ({', '.join(names)})" if len(names) > 1 else text
 
 
 def tangent_indices(model: pin.Model, names: Iterable[str]) -> np.ndarray:

@@ -174,8 +174,11 @@ class DenseOutput:
         The multipliers of the method are those at the start of each step.
 
         Raises:
-            InputError: for a time outside.
+            InputError: for a time outside, or anything other than an array of times.
         """
+        times = as_numbers(times)
+        if times.ndim != 1:
+            raise InputError(f"times have the shape (m,), got {times.shape}")
         points = np.array(list(self.points(times))).reshape(len(times), self.y.shape[1])
         return self._view(times, points, self.nodes[2][self.before(times)], self.nodes)
 

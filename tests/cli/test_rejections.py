@@ -151,6 +151,9 @@ def test_assembly(four_bar):
     rejected(UnknownNameError, lambda: four_bar.assemble({"cranc": 1.0}), "unknown joint 'cranc'", "mean 'crank'")
     rejected(UnknownNameError, lambda: four_bar.assemble(v={"x": 1.0}), "valid: crank, coupler, rocker")
     rejected(InputError, lambda: four_bar.assemble({"crank": np.nan}), "'crank' takes 1 finite")
+    ball = mbdae.load("ball_on_turntable")
+    rejected(InputError, lambda: ball.assemble({"ball": [0, 0, 1]}), "7 finite configuration values (x, y, z, qx, ")
+    rejected(InputError, lambda: ball.assemble({"table": [0, 0, 1]}), "1 finite configuration value (its angle), or 2")
     rejected(InputError, lambda: four_bar.assemble({"crank": [1.0, 2.0]}), "'crank' takes 1")
     rejected(InputError, lambda: four_bar.assemble(np.zeros(5)), "q has shape (5,)")
 
@@ -214,13 +217,24 @@ def test_drift_takes_runs_and_no_names_of_models():
     rejected(InputError, lambda: mbdae.drift("four_bar"), "takes a Solution", "'four_bar'")
 
 
+DAMPING, PIN = mbdae.JointDamping(joint="crank", damping=1.0), mbdae.Closure.point("a", "b")
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [
         (lambda mech: mech.assemble(guess=np.zeros(3)), ["guess must be a table of values by joint", "array"]),
         (lambda mech: mech.assemble(q=3), ["q must be a table of values by joint, or all of them", "got 3"]),
         (lambda mech: mbdae.load("four_bar", forces=3), ["forces are a list", "got 3"]),
+        (lambda mech: mbdae.load("four_bar", forces=DAMPING), ["forces are a list", "got JointDamping("]),
+        (lambda mech: mbdae.load("four_bar", forces=[mbdae.JointSpring]), ["one of Bushing", "the class JointSpring"]),
+        (lambda mech: mbdae.load("four_bar", closures=PIN), ["closures are a list of", "got PointClosure("]),
+        (lambda mech: mbdae.load("four_bar", drivers=[3]), ["drivers are a list of mbdae.Driver", "got 3"]),
+        (lambda mech: mbdae.load("four_bar", motors=[3]), ["motors are a table of controls by name", "got [3]"]),
+        (lambda mech: mbdae.Mechanism(mech.model, [DAMPING]), ["closures are a list of", "JointDamping("]),
+        (lambda mech: mbdae.Mechanism("four_bar"), ["a model is a pinocchio.Model", "got 'four_bar'"]),
         (lambda mech: mbdae.solve(mech, (0, 0.01))("soon"), ["t = nan is outside"]),
+        (lambda mech: mbdae.solve(mech, (0, 0.01)).resampled(0.01), ["times have the shape (m,), got ()"]),
         (lambda mech: mbdae.assembly_modes(mech, "crank", at="far"), ["must be a number", "'far'"]),
         (lambda mech: mbdae.assembly_modes(mech, "crank", most=0), ["most must be a positive number", "got 0"]),
         (lambda mech: mbdae.check_gradients(mech, steps="many"), ["steps must be a number", "'many'"]),

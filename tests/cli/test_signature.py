@@ -43,6 +43,8 @@ def test_types_defaults_choices_and_help_follow():
     assert option("kinematics", "--drive").required
     assert option("fit", "--signal").opts == ["-s", "--signal"]
     assert option("fit", "--signal").name == "signals"
+    assert option("live", "--rtol").help.endswith("1e-6 if omitted.")  # not that of other commands
+    assert option("live", "--range").help.startswith("Low and high ends of sliders of inputs and joints, motor=-5,5")
     assert option("linearize", "--outputs").help.startswith("q.joint, v.joint")  # names keep their letters
 
 

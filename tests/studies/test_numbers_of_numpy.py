@@ -25,7 +25,7 @@ def test_tables_and_starts_accept_them(number):
 def test_text_and_true_are_no_numbers(other):
     with pytest.raises(InputError, match="damping: Input should be a valid number"):
         mbdae.JointDamping(joint="crank", damping=other)
-    with pytest.raises(InputError, match="joint 'crank' takes 1 finite configuration values"):
+    with pytest.raises(InputError, match="joint 'crank' takes 1 finite configuration value, got"):
         mbdae.load("slider_crank").assemble({"crank": other})
 
 

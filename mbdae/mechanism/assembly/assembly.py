@@ -14,6 +14,7 @@ from ...system import Array
 from ...tolerances import INPUT_DIGITS
 from ..closures.closure_error import largest_error
 from ..closures.preconditions import require_preconditions
+from ..hybrid.switches import mode_by_position
 from ..model_settings import normalized_or_none, tangent_indices
 from ..run_parameters import RunParameters
 from ..tree.tree_terms import mode_joints
@@ -128,12 +129,28 @@ def _closed_position(system: "Index2System", q0: Array, fixed: Array, locked: Ar
     key = q0.tobytes(), fixed.tobytes(), locked.tobytes()
     found = None if mech.drivers else mech._positions.get(key)
     if found is None:
-        closed = _with_locked_modes(lambda fixed: close_position(system, q0, fixed, t), fixed, locked)
-        found = _ClosedPosition(*closed, {})
+        found = _ClosedPosition(*_closed(system, q0, fixed, locked, t), {})
         require_preconditions(mech, found.q)
         mech._positions.clear()
         mech._positions[key] = found
+    system.enter(_mode_at(system, found.q, t))
     return found
+
+
+def _closed(system: "Index2System", q0: Array, fixed: Array, locked: Array, t: float) -> tuple[Array, Array]:
+    """Return a configuration with closed loops, and its fixed coordinates.
+
+    Closures with an active range are closed where they are active once drivers have moved the joint of their range.
+    """
+    closed = _with_locked_modes(lambda fixed: close_position(system, q0, fixed, t), fixed, locked)
+    if (mode := _mode_at(system, closed[0], t)) == system.mode:
+        return closed
+    system.enter(mode)
+    return _with_locked_modes(lambda fixed: close_position(system, closed[0], fixed, t), fixed, locked)
+
+
+def _mode_at(system: "Index2System", q: Array, t: float) -> tuple[int, ...]:
+    return mode_by_position(system.mechanism.switches, system.mode, t, q, np.zeros(system.nv))
 
 
 def assemble_start(mech: "Mechanism", t: float) -> Assembled:
@@ -163,7 +180,7 @@ def start_configuration(mech: "Mechanism") -> Array:
     if not mech.start_values.assemble:
         return mech.unassembled_start[0]
     system, at = mech.system(), start_estimate(mech)
-    return _with_locked_modes(lambda fixed: close_position(system, at.q, fixed, 0.0), at.fixed_q, at.locked_q)[0]
+    return _closed(system, at.q, at.fixed_q, at.locked_q, 0.0)[0]
 
 
 def _locked_modes(mech: "Mechanism", named: Iterable[str]) -> Array:

@@ -31,7 +31,8 @@ class LawTable(Table):
     """A smooth curve through points (x, y), x increasing: a spline of degree 7, with six continuous derivatives.
 
     Attributes:
-        points: pairs (x, y) in rad or m of both joints. Beyond its ends the curve is linear.
+        points: pairs (x, y) in rad or m of both joints. Beyond its ends the curve is linear. It overshoots where points
+            are far apart: a dwell needs points as closely spaced as those of its flanks.
         periodic: whether the curve repeats after the last point; if the first and the last y differ, each period adds
             the difference (indexing drives).
     """

@@ -8,7 +8,7 @@ import pinocchio as pin
 from pydantic_core import PydanticUndefined
 
 from ...discovery import members, plugins
-from ...errors import InputError
+from ...errors import InputError, require
 from ..tagged_union import TaggedByKind
 from ..time_functions.input_functions import as_input, inputs_in
 from ..tree.frames import find_joint
@@ -53,11 +53,12 @@ def named_force(force: object, i: int) -> MechanismForce:
     Raises:
         InputError: for anything other than a force.
     """
-    if callable(force) or isinstance(force, PYTHON_FORCES):
+    if isinstance(force, PYTHON_FORCES) or (callable(force) and not isinstance(force, type)):
         return force
     if not isinstance(force, FORCES):
         kinds = ", ".join(f.__name__ for f in (*FORCES, *PYTHON_FORCES))
-        raise InputError(f"a force is a function tau(t, q, v) or one of {kinds}, got {type(force).__name__}")
+        got = f"the class {force.__name__}" if isinstance(force, type) else type(force).__name__
+        raise InputError(f"a force is a function tau(t, q, v) or one of {kinds}, got {got}")
     return force if force.name else force.model_copy(update={"name": f"{force.kind} {i + 1}"})
 
 
@@ -67,6 +68,7 @@ def named_forces(forces: Sequence[object], drivers: "Sequence[Driver]") -> tuple
     Raises:
         InputError: for anything other than a force, or inputs that outputs of FMUs cannot set.
     """
+    require(forces, Sequence, "forces are a list")
     found = tuple(named_force(f, i) for i, f in enumerate(forces))
     if not any(isinstance(f, FMU) for f in found):
         return found

@@ -11,7 +11,7 @@ from ..key_units import Unit
 from ..tree.frames import Pair, anchor, motion_cross, skew, wrench_matrix
 from ..tree.manifold import inverse_jacobian
 from ..tree.wrench_partials import COMPLEX_STEP, moved_line_partials, skews
-from .force import Array, ArrayOrZero, CoreData, Force, ForceElement, PairElement, WrenchPartials
+from .force import Array, ArrayOrZero, CoreData, Force, ForceElement, FramePair, PairElement, WrenchPartials
 
 MAX_ROTATION = 3.0  # rad: the rotation vector is smooth below pi
 
@@ -38,7 +38,7 @@ class Bushing(Force):
     """
 
     kind: Literal["bushing"] = "bushing"
-    frames: tuple[str, str]
+    frames: FramePair
     stiffness: Annotated[Six, Unit("N/m", "N/m", "N/m", "N m/rad", "N m/rad", "N m/rad")] = (0.0,) * 6
     damping: Annotated[Six, Unit("N s/m", "N s/m", "N s/m", "N m s/rad", "N m s/rad", "N m s/rad")] = (0.0,) * 6
 

@@ -46,6 +46,21 @@ Joints = Annotated[str | tuple[str, ...], AfterValidator(distinct_joints)]
 """The name of a joint, or names of several."""
 
 
+def distinct_frames(names: tuple[str, str]) -> tuple[str, str]:
+    """Return the names of both frames of a force, unchanged.
+
+    Raises:
+        ValueError: for the same name twice: the force would have no effect.
+    """
+    if names[0] == names[1]:
+        raise ValueError(f"it joins frame {names[0]!r} with itself")
+    return names
+
+
+FramePair = Annotated[tuple[str, str], AfterValidator(distinct_frames)]
+"""The names of two frames."""
+
+
 class ForceElement:
     """A force bound to a workspace whose kinematics must be current at q when it is called.
 
@@ -244,7 +259,8 @@ def single_coordinate_joints(model: pin.Model, names: Joints, what: str) -> list
     joints = find_joints(model, names)
     for j, n in zip(joints, [names] if isinstance(names, str) else names, strict=True):
         if (j.nq, j.nv) != (1, 1):
-            raise InputError(f"{what} needs a joint of one coordinate; {n!r} has nq = {j.nq}, nv = {j.nv}")
+            got = "is continuous: make it revolute" if j.nv == 1 else f"has nq = {j.nq}, nv = {j.nv}"
+            raise InputError(f"{what} needs a joint of one coordinate; {n!r} {got}")
     return joints
 
 

@@ -8,7 +8,7 @@ from ...errors import InputError
 from ..key_units import Unit
 from ..time_functions.time_functions import TimeFunction
 from ..tree.frames import find_joint
-from .force import Force, ForceElement, single_coordinate_joints
+from .force import Force, ForceElement, single_coordinate_joints, single_velocity_joint
 from .linear import LinearElement, Term
 
 
@@ -22,7 +22,8 @@ class JointTorque(Force):
         joint: one joint.
         torque: one constant or function of time, or nv of them.
         gear: common factor of the torques.
-        bias: b_0, b_1, b_2 of a joint of one coordinate, in N m or N; per rad or m; per rad/s or m/s.
+        bias: b_0, b_1, b_2 of a joint of one velocity, in N m or N; per rad or m; per rad/s or m/s. A continuous joint
+            has no b_1: its angle is known only up to full revolutions.
         name: name in parameters, signals and messages; the kind and a number if omitted.
 
     Raises:
@@ -43,7 +44,11 @@ class JointTorque(Force):
             raise InputError(f"joint {self.joint!r} takes {j.nv} torque values, got {len(values)}")
         terms: list[Term] = [("tau", j.idx_v + i, "u", i, self.gear) for i in range(j.nv)]
         if any(self.bias):
-            i = single_coordinate_joints(model, self.joint, f"joint_torque {self.name!r} with a bias")[0].idx_v
-            columns = (("1", 0), ("q", j.idx_q), ("v", i))
-            terms += [("tau", i, column, x, b) for (column, x), b in zip(columns, self.bias, strict=True)]
+            what = f"joint_torque {self.name!r} with a bias"
+            if self.bias[1]:
+                single_coordinate_joints(model, self.joint, what)
+            single_velocity_joint(model, self.joint, what)
+            columns = (("1", 0), ("q", j.idx_q), ("v", j.idx_v))
+            biases = zip(columns, self.bias, strict=True)
+            terms += [("tau", j.idx_v, column, x, b) for (column, x), b in biases if column != "q" or j.nq == 1]
         return LinearElement(self.name, terms, signals=values)

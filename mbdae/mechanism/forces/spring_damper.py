@@ -11,7 +11,7 @@ from ..key_units import Unit
 from ..time_functions.time_functions import Constant, TimeFunction
 from ..tree.frames import Pair, anchor, skew, unit_gap
 from ..tree.wrench_partials import gap_wrench_partials, line_wrench_partials
-from .force import Array, ArrayOrZero, CoreData, Force, ForceElement, PairElement, WrenchPartials
+from .force import Array, ArrayOrZero, CoreData, Force, ForceElement, FramePair, PairElement, WrenchPartials
 
 
 class SpringDamper(Force):
@@ -33,7 +33,7 @@ class SpringDamper(Force):
     """
 
     kind: Literal["spring_damper"] = "spring_damper"
-    frames: tuple[str, str]
+    frames: FramePair
     stiffness: Annotated[float, Unit("N/m")] = 0.0
     damping: Annotated[float, Unit("N s/m")] = Field(default=0.0, ge=0)
     length: Annotated[float, Unit("m")] = Field(default=0.0, ge=0)

@@ -129,10 +129,12 @@ class Switch:
         rest: flight time in s below which the contact remains closed.
         restitution: coefficient of restitution.
         row: index of the first row.
+        by_position: whether `prescribed` depends on q alone: rows that are active at a start are then assembled.
         takes_impulse: whether impulses act through the first row, and only through it.
     """
 
     row: int
+    by_position = False
     takes_impulse = True
     states: tuple[str, ...] = ("open", "closed")
     rest: float = 0.0

@@ -38,6 +38,13 @@ def inactive_rows(switches: Sequence[Switch], mode: Mode) -> Array:
     return np.array(sorted(all_rows - active), int)
 
 
+def mode_by_position(switches: Sequence[Switch], mode: Mode, t: float, q: Array, v: Array) -> Mode:
+    """Return a mode with the states at q of switches that depend on q alone; other states are unchanged."""
+    return tuple(
+        s.prescribed(t, q, v) if s.by_position else state for s, state in zip(switches, mode, strict=True)
+    )
+
+
 def unswitched_rows(switches: Sequence[Switch], ng: int) -> Array:
     """Return the indices of the rows without a switch."""
     return np.setdiff1d(np.arange(ng), [row for s in switches for row in s.rows])

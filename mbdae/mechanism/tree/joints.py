@@ -5,6 +5,8 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 
+from ...errors import InputError, require
+
 PER_VELOCITY = (
     "armature",
     "damping",
@@ -78,6 +80,20 @@ def is_depth_first(model: pin.Model) -> bool:
             return False
         path[path.index(parent) + 1 :] = [j]
     return True
+
+
+def require_supported(model: pin.Model) -> None:
+    """Check that a model is one of Pinocchio, without mimic joints, and numbered depth first.
+
+    Raises:
+        InputError: for another one.
+    """
+    require(model, pin.Model, "a model is a pinocchio.Model (mbdae.load reads names and files)")
+    if any(isinstance(j, pin.JointModelMimic) for j in model.joints):
+        raise InputError("mimic joints are not supported: replace them by a coupling or lock them")
+    if not is_depth_first(model):
+        names = ", ".join(list(model.names)[1:])
+        raise InputError(f"joints must be numbered depth first, see mbdae.mechanism.depth_first; they are {names}")
 
 
 def _single_joint_model(joint: pin.JointModel) -> pin.Model:

@@ -227,7 +227,7 @@ class Comparison(Tabular):
             InputError: for a missing or damaged file.
         """
         try:
-            with Path(path).open(encoding="utf-8", newline="") as file:
+            with Path(path).open(encoding="utf-8-sig", newline="") as file:
                 if Path(path).suffix == ".csv":
                     rows = list(csv.DictReader(file))
                     if any(None in row.values() for row in rows):

@@ -31,7 +31,7 @@ LIMIT = click.option(
 def drift(
     study: Study, out: Output, targets: tuple[str, ...], limit: float | None, long_time: bool | None, **options: Any
 ) -> None:
-    """Measure the drift of runs, or of saved solutions. Prints a JSON object, or a list of them for several runs.
+    """Measure the drift of runs, or of saved solutions. --json prints one object, or a list of them for several runs.
 
     A method's name may follow a formulation and a colon: -m pherk5 -m ggl:pherk5 -m index1:dop853.
     """

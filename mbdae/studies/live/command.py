@@ -16,7 +16,7 @@ SECONDS = click.option("--seconds", type=click.FloatRange(min=0, min_open=True),
 INTERVAL = 0.2  # s between polls for Ctrl-C
 
 
-@command("range parameter trace speed fps port paused shadows", RUN, shared="method rtol step units", more=(SECONDS,))
+@command("range parameter trace speed fps port paused shadows rtol", RUN, shared="method step units", more=(SECONDS,))
 def live(study: Study, out: Output, model: ChosenModel, seconds: float | None, **options: Any) -> None:
     """Simulate a model in real time in a browser. Inputs, joints and lengths have sliders; it ends with Ctrl-C.
 

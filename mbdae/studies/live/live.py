@@ -50,8 +50,9 @@ def live(
         rtol: relative tolerance of controlled steps; 1e-6 if omitted.
         speed: seconds of motion per second.
         fps: maximum number of frames per second.
-        ranges: (low, high) of sliders, by the name of an input or joint; by default limits of joints, or wide ranges.
-        parameters: (low, high) of sliders of parameters, by dotted name: ``{"frame.rod_tip.xyz.0": (0.2, 0.4)}``.
+        ranges: low and high ends of sliders of inputs and joints, motor=-5,5; by default limits of joints, or wide
+            ranges.
+        parameters: low and high ends of sliders of parameters, by dotted name, frame.rod_tip.xyz.0=0.2,0.4.
         traces: frames whose paths are drawn over the first free coordinate, with the remaining ones locked.
         port: port of the page; by default the first free port from 7000.
         paused: whether the simulation is paused until it is started in the page.

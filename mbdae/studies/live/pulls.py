@@ -81,7 +81,8 @@ class Pulls:
         for key, known in (("input", self.inputs), ("joint", self.joints)):
             if key in request:
                 if request[key] not in known:
-                    raise UnknownNameError(key, request[key], known)
+                    kind = "input" if key == "input" else "joint with a slider"  # dependent joints have none
+                    raise UnknownNameError(kind, request[key], known)
                 if key == "input" or request.get("value") is not None:
                     _require_finite(f"{key} {request[key]!r}", request.get("value"))
         self._check_points(request)

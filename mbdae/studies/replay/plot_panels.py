@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Signal = Callable[[float, Array, Array], float] | Sequence[float] | Array
 Plot = str | Sequence[str]
-POINTS = 1500  # points of a curve, more than its pixels
+POINTS = 1100  # points of a curve: from four per pixel on, uPlot draws it in steps
 MAX_CURVES = 7  # largest number of distinguishable curves in a pane
 AT_STEPS = ("energy", "work", "g", "Gv")  # signals that are drawn at nodes, without interpolation
 AXIS_TITLES = {**QUANTITY_NAMES, "m, rad": "|g|", "m/s, rad/s": "|G v|"}

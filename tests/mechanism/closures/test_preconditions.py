@@ -29,11 +29,13 @@ def test_a_gear_between_axes_that_are_not_parallel(axis, tmp_path):
 
 
 def test_radii_that_do_not_fit_the_distance(tmp_path):
-    with pytest.raises(InputError, match=r"are 0\.3 m apart, but radii of 0\.1 and 0\.3 m require 0\.4 m"):
+    with pytest.raises(InputError, match=r"are 0\.3 m apart, but radii of 0\.1 and 0\.3 m require 0\.4 m$"):
         mbdae.solve(wheels(tmp_path, Closure.gear("a", "b", (0.1, 0.3), name="mesh"), **SPIN), (0, 1))
     assert mbdae.solve(wheels(tmp_path, GEAR, **SPIN), (0, 1)).status == "finished"
     with pytest.raises(InputError, match="'mesh': the axes of its wheels coincide"):
         mbdae.solve(wheels(tmp_path, GEAR, xyz=(0.0, 0.0, 0.3), **SPIN), (0, 1))
+    with pytest.raises(InputError, match=r"require 0\.2 m \(a belt or chain is a coupling of joints\)$"):
+        mbdae.solve(wheels(tmp_path, Closure.gear("a", "b", (0.1, 0.1), name="mesh"), **SPIN), (0, 1))
     ring = Closure.gear("a", "b", (-0.5, 0.2), name="mesh")
     assert mbdae.solve(wheels(tmp_path, ring, xyz=(0.0, 0.3, 0.7), **SPIN), (0, 1)).status == "finished"
 

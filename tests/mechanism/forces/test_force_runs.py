@@ -131,6 +131,17 @@ def test_a_python_function_of_time_is_recorded_by_name(tmp_path):
         _ = again.lam
 
 
+@pytest.mark.usefixtures("back_end")
+def test_a_torque_that_falls_with_the_speed_drives_a_continuous_joint():
+    """J v' = b_0 + u + b_2 v: the speed approaches (u + b_0)/-b_2 with the time constant J/-b_2."""
+    wheel = {"name": "wheel", "parent": "world", "joint": "continuous", "mass": 1.0, "inertia": [1, 1, 0.2, 0, 0, 0]}
+    motor = {"kind": "joint_torque", "name": "motor", "joint": "wheel", "torque": 3.0, "bias": [1.0, 0.0, -0.5]}
+    sol = mbdae.solve({"body": [wheel], "force": [motor]}, 1.0, rtol=1e-10)
+    np.testing.assert_allclose(sol.v[-1], 8.0 * (1 - np.exp(-2.5)), rtol=1e-9)
+    with pytest.raises(InputError, match="needs a joint of one coordinate; 'wheel' is continuous: make it revolute"):
+        mbdae.load({"body": [wheel], "force": [motor | {"bias": [1.0, -2.0, -0.5]}]})
+
+
 WRONG = {
     'joint_spring\njoint = "arm"': "takes a stiffness or a table",
     'joint_spring\njoint = "arm"\ntable = [[0, 0], [0, 1]]': "must increase",
@@ -151,6 +162,8 @@ WRONG = {
     'joint_friction\njoint = []\nfriction = 1': "at least one joint is needed",
     'bushing\nframes = ["world", "arm"]\nstiffness = [1, 2, 3]': "stiffness",
     'bushing\nframes = ["world", "arm"]\ndamping = [1, 2, 3, 4, 5, -6]': "must not be negative",
+    'bushing\nframes = ["arm", "arm"]': "frames: it joins frame 'arm' with itself",
+    'spring_damper\nframes = ["arm", "arm"]\nstiffness = 1': "frames: it joins frame 'arm' with itself",
     'wrench\nframe = "leg"': "unknown frame 'leg'",
     'wrench\nframe = "arm"\naxes = "body"': "axes",
     'joint_pid\njoint = "arm"\nkd = 1\ncontrols = "velocity"': "kd belongs",

@@ -9,6 +9,7 @@ from mbdae.errors import InputError, UnknownNameError
 from mbdae.mechanism.formats.mechanism_file.schema import read_toml
 
 BODY = '[[body]]\nname = "a"\nparent = "world"\nmass = 1.0\ninertia = [1, 1, 1, 0, 0, 0]\n'
+TORQUE = "[[force]]\nkind = 'joint_torque'\nname = 't'\njoint = 'a'\ntorque = "
 
 
 @pytest.mark.parametrize(
@@ -33,6 +34,11 @@ BODY = '[[body]]\nname = "a"\nparent = "world"\nmass = 1.0\ninertia = [1, 1, 1, 
         ("start = 1\n" + BODY, "m.toml: start: Input should be a table, got '1'"),
         (BODY + "[[driver]]\njoint = 'a'\nmotion = 's'", "m.toml: driver.a.motion: Input should be a number or"),
         (BODY + "axis = [0, 1, 0, 0]", "m.toml: body.a.axis: Input should have at most 3 entries, not 4, got"),
+        (BODY.replace(", 0, 0, 0", ""), "m.toml: body.a.inertia: Input should have 6 entries, not 3, got '[1, 1, 1]'"),
+        ('[[input]]\nname = "u"\n' * 2, "m.toml: inputs need different names, got u, u"),
+        (BODY + TORQUE + "inf", "m.toml: force.t.torque: Constant: value: Input should be a finite number, got 'inf'"),
+        (BODY + TORQUE + "{ kind = 'steps' }", "m.toml: missing key force.t.torque.points (kind 'steps')"),
+        (BODY + TORQUE + "[1, 'b']", "m.toml: force.t.torque.1: Input should be a number or a table, got 'b'"),
         (BODY.replace('"a"', '""'), "m.toml: body.0.name: String should have at least 1 character"),
         (BODY.replace("1.0", "true"), "m.toml: body.a.mass: Input should be a valid number, got 'True'"),
         (BODY.replace("1.0", '"500"'), "m.toml: body.a.mass: Input should be a valid number, got '500'"),
@@ -47,7 +53,17 @@ def test_files(text, words, tmp_path, monkeypatch):
     with pytest.raises(InputError) as reported:
         mbdae.load("m.toml")
     assert str(reported.value).startswith(words)
+    assert "torque" not in words or str(reported.value) == words  # once, and not as if it were a list of torques
     assert str(pickle.loads(pickle.dumps(reported.value))) == str(reported.value)
+
+
+def test_a_byte_order_mark_is_no_part_of_a_file(tmp_path):
+    """Editors of Windows write it."""
+    robot = '<robot name="arm"><link name="base"/></robot>'
+    for name, text in (("m.toml", BODY), ("arm.urdf", robot)):
+        (tmp_path / name).write_text(text, encoding="utf-8-sig")
+    assert mbdae.load(tmp_path / "m.toml").nv == 1
+    assert mbdae.load(tmp_path / "arm.urdf", free_flyer=True).nv == 6
 
 
 def test_a_motor_may_be_named_input():
@@ -117,6 +133,16 @@ def test_all_names_that_do_not_exist_are_said_at_once(tmp_path, monkeypatch):
         "valid: a, b",
         "force.1.closure: unknown closure 'pim' (did you mean 'pin'?)",
         "valid: pin, a-e",
+    ]
+
+
+def test_a_locked_joint_is_no_unknown_one(tmp_path, monkeypatch):
+    spring = "[[force]]\nkind = 'joint_spring'\njoint = ['a', 'x']\nstiffness = 1.0\n"
+    bodies = BODY + BODY.replace('"a"', '"b"')
+    assert faults("lock = { a = 0.0 }\n" + bodies + spring, tmp_path, monkeypatch) == [
+        "m.toml: force.0.joint.0: joint 'a' is locked",
+        "force.0.joint.1: unknown joint 'x'",
+        "valid: b",
     ]
 
 

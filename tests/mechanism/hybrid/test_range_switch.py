@@ -29,6 +29,21 @@ def test_a_geneva_drive_turns_its_wheel_by_quarters(back_end):
     assert mbdae.drift(sol).energy_relative < 1e-10
 
 
+@pytest.mark.parametrize("driven", [False, True])
+@pytest.mark.parametrize("crank", [0.3, -1.0, 2 * np.pi - 0.5])
+def test_a_start_within_a_window_satisfies_its_closures(crank, driven):
+    """The crank keeps its start; an estimate of the wheel is corrected. The window is that of the driven crank."""
+    drivers = [mbdae.Driver.at_speed("crank", 6.0, start=crank)] if driven else []
+    mech = mbdae.load("geneva_drive", drivers=drivers)
+    known = {} if driven else {"crank": crank}
+    q, v = mech.assemble(known, {} if driven else {"crank": 6.0}, guess={"wheel": wheel(crank) + 0.02})
+    rate = 6.0 * (wheel(crank + 1e-5) - wheel(crank - 1e-5)) / 2e-5
+    at_rest = crank == -1.0  # the locking disc does not know the angle at which it holds the wheel
+    np.testing.assert_allclose(q, [crank, wheel(crank) + 0.02 * at_rest], atol=1e-12)
+    np.testing.assert_allclose(v, [6.0, rate], atol=1e-8)
+    assert not mbdae.solve(mech, (0, 0.01), q, v).impacts
+
+
 def test_windows_are_among_the_signals():
     """The pin enters the first slot an eighth of a turn before its middle. Several rows have no single impulse."""
     sol = mbdae.solve(mbdae.load("geneva_drive"), (0, 0.1))

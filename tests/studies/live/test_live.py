@@ -155,7 +155,7 @@ def test_what_callers_do_is_checked_in_one_line(arm):
         for act, words in (
             (lambda: view.set("motr", 1.0), "unknown input 'motr'.*motor"),
             (lambda: view.set("motor", float("nan")), "input 'motor' must be a finite number, got nan"),
-            (lambda: view.move("leg", 1.0), "unknown joint 'leg'.*arm"),
+            (lambda: view.move("leg", 1.0), "unknown joint with a slider 'leg'.*arm"),
             (lambda: view.pull("tip", (0, 0, 0)), "unknown frame 'tip'"),
             (lambda: view.pull("world", (0, 0, 0)), "frame 'world' is fixed and cannot be pulled; valid: arm"),
             (lambda: view.pull("arm", (0, 0)), "a point is three numbers"),

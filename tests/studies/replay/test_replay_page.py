@@ -156,7 +156,10 @@ def test_plots_zoom_hide_and_set_the_time(crank, chromium, tmp_path):
 def test_an_axis_of_powers_is_labelled_at_each_of_its_lines(crank, chromium, tmp_path):
     drifting = mbdae.solve(crank.mechanism, (0, 5), method="pherk5", rtol=1e-8, project=False)
     page = animate(drifting, tmp_path / "run.html", plots=["q", "v", "kinetic", "g"], fps=20)
-    log = chromium.ask(page, "log.labels = mbdae.plots.panes.at(-1).plot.axes[1]._values;", size=(1280, 500))
+    density = "log.density = mbdae.plots.panes.map(({plot}) => plot.data[0].length / plot.bbox.width);"
+    labels = "log.labels = mbdae.plots.panes.at(-1).plot.axes[1]._values;"
+    log = chromium.ask(page, labels + density, size=(1280, 500))
+    assert max(log["density"]) < 4, "uPlot draws as many points per pixel in steps"
     powers = [int(x.replace("1e", "").replace("\N{MINUS SIGN}", "-")) for x in log["labels"]]
     assert (len(powers) >= 4, len(set(np.diff(powers)))) == (True, 1)
 

@@ -1,5 +1,6 @@
 """Derivatives of runs with a corrected start: velocities projected onto the rows of a mode, or all onto closures."""
 
+import tomllib
 from functools import cache
 
 import numpy as np
@@ -8,13 +9,15 @@ from frozen import assert_derivative, compare
 
 import mbdae
 from mbdae import Driver
+from mbdae.discovery import models_directory
 from mbdae.errors import InputError
 from mbdae.mechanism.formats.mechanism_file.loaded_model import LoadedModel, parameter_value
-from mbdae.mechanism.formats.mechanism_file.template import Template
 
 WIDTHS = (1e-5, 1e-4, 1e-3)
-GENEVA = Template("geneva_drive")
-DRIVEN = LoadedModel(mbdae.load("geneva_drive", drivers=[Driver(joint="crank", speed=6.0)]))
+GIVEN = tomllib.loads((models_directory() / "geneva_drive/mechanism.toml").read_text())
+GIVEN["start"]["assemble"] = False  # otherwise a start satisfies the rows of its mode
+GENEVA = LoadedModel(mbdae.load(GIVEN))
+DRIVEN = LoadedModel(mbdae.load(GIVEN, drivers=[Driver(joint="crank", speed=6.0)]))
 SLOT = {"start.q.crank": -0.5, "start.q.wheel": -0.0562421, "start.v.wheel": -2.7935}  # with a few digits
 ON_ROWS = [(GENEVA, {}, "closure.dwell.coefficients.0"), (GENEVA, SLOT, "frame.pin.xyz.0"),
            (GENEVA, SLOT, "start.v.crank"), (DRIVEN, SLOT, "frame.pin.xyz.0")]  # fmt: skip
@@ -38,6 +41,22 @@ def test_rows_of_a_mode_with_perturbed_velocities(template, values, name, projec
     assert np.abs(found[0]).max() > 0.1
     assert run(value + 1e-3).impacts
     compare(sol, given, ["q.wheel", "v.wheel", "energy"], model=template)
+
+
+@pytest.mark.parametrize("name", ["frame.pin.xyz.0", "start.q.crank", "start.v.crank"])
+def test_a_start_that_is_assembled_with_the_rows_of_its_mode(name):
+    """The wheel follows the slot at the start already."""
+    start = {"q": {"crank": -0.5}, "v": {"crank": 6.0}, "guess": {"wheel": 0.0}}
+    model = LoadedModel(mbdae.load(GIVEN | {"start": start}))
+
+    @cache
+    def run(x):
+        return mbdae.solve(model.make({name: x}), (0.0, 0.03), step=0.01, method="pherk5")
+
+    value = parameter_value(model, name)
+    found = mbdae.sensitivity(run(value), {name: value}, model=model).dy[..., 0]
+    assert_derivative(found, lambda x: run(x).y, value, 1e-9, WIDTHS, mech=run(value).mechanism)  # assembled to 1e-10
+    assert not run(value + 1e-3).impacts
 
 
 @pytest.mark.parametrize("project", [False, True])

@@ -51,7 +51,8 @@ class GearClosure(FixedAxisClosure):
         distance = float(np.linalg.norm(d - k * (k @ d)))
         if abs(distance - abs(a + b)) <= THREE_DIGITS * (abs(a) + abs(b)):
             return ""
-        return f"its axes are {distance:.4g} m apart, but radii of {a:g} and {b:g} m require {abs(a + b):.4g} m"
+        text = f"its axes are {distance:.4g} m apart, but radii of {a:g} and {b:g} m require {abs(a + b):.4g} m"
+        return f"{text} (a belt or chain is a coupling of joints)" if distance > abs(a + b) else text
 
     @classmethod
     def create(cls, a: str, b: str, radii: Radii, axis: Axis = Z, name: str = "") -> "GearClosure":

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeAlias
 
 from ....errors import MbdaeError, UnknownNameError, printable
 from ...imported_model import ImportedModel, mimic_couplings
@@ -12,6 +12,8 @@ from .schema import MechanismFile
 REFERENCES = {"parent": "frame", "frame": "frame", "frames": "frame", "joint": "joint", "joints": "joint"}
 REFERENCES |= {"closure": "closure"}  # keys whose values are names
 TABLES = {"motor": "motor"} | dict.fromkeys(("lock", "joint_type", "q", "v", "guess", "guess_v"), "joint")
+
+Known: TypeAlias = dict[str, list[str]]  # valid names of each kind
 
 
 @contextmanager
@@ -35,16 +37,27 @@ def with_error_context(path: str, file: MechanismFile, parts: Sequence[ImportedM
 def _unknown(e: UnknownNameError, file: MechanismFile, parts: Sequence[ImportedModel]) -> list[str]:
     """Return messages on all unknown names, by kind, with the valid names of each kind."""
     known, out = _known(file, parts), list[str]()
-    references = [x for x in _references(file.model_dump()) if x[2] not in known[x[0]] or x[::2] == (e.kind, e.name)]
+    references = _invalid_references(e, file, known)
     for kind in dict.fromkeys(kind for kind, *_ in references):
         valid = e.valid if kind == e.kind != "frame" else known[kind]  # frames are resolved successively
         faults = {location: UnknownNameError(kind, name, valid) for of, location, name in references if of == kind}
-        out += [f"{location}: {fault.what}" for location, fault in faults.items()]
+        out += [f"{location}: {_fault(fault, file, known)}" for location, fault in faults.items()]
         out.append(next(iter(faults.values())).choice)
     return out
 
 
-def _known(file: MechanismFile, parts: Sequence[ImportedModel]) -> dict[str, list[str]]:
+def _invalid_references(e: UnknownNameError, file: MechanismFile, known: Known) -> list[tuple[str, str, str]]:
+    """Return kind, path and name of each reference to an unknown name, or to a joint that is locked."""
+    references = [x for x in _references(file.model_dump()) if x[2] not in known[x[0]] or x[::2] == (e.kind, e.name)]
+    return [x for x in references if x[2] not in known["joint"] or not x[1].startswith("lock.")]
+
+
+def _fault(fault: UnknownNameError, file: MechanismFile, known: Known) -> str:
+    is_locked = fault.kind == "joint" and fault.name in file.lock and fault.name in known["joint"]
+    return f"joint {fault.name!r} is locked" if is_locked else fault.what
+
+
+def _known(file: MechanismFile, parts: Sequence[ImportedModel]) -> Known:
     """Return the valid names of each kind in a file."""
     sources = list(zip((s.prefix for s in file.source), parts, strict=True))
     joints = [prefix + n for prefix, part in sources for n in joint_names(part.model)]

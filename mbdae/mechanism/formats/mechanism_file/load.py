@@ -1,7 +1,7 @@
 """Load mechanisms from files."""
 
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -16,6 +16,7 @@ from ...closures.closure import Closure
 from ...closures.clutch import Clutch
 from ...closures.driver import Driver
 from ...closures.unilateral_constraint import Stop
+from ...element_kinds import require_elements
 from ...forces import FORCES
 from ...forces.fmu import with_fmu_paths
 from ...hybrid.reset import Reset
@@ -78,7 +79,9 @@ def load(
         UnknownNameError: for an unknown model, parameter, frame, joint, motor or keyframe; lists the valid names.
         InputError: for an invalid file; the message names the key and the expected value.
     """
-    require(forces, Iterable, "forces are a list")
+    require_elements(closures=closures, drivers=drivers, stops=stops, clutches=clutches, resets=resets)
+    require(forces, Sequence, "forces are a list")
+    require(motors, Mapping | None, "motors are a table of controls by name")
     more: dict[str, Any] = {"closure": closures, "driver": drivers, "stop": stops, "clutch": clutches, "event": resets}
     more |= {"force": [f for f in forces if isinstance(f, FORCES)], "motor": motors or {}}
     spec = read(path, parameters, key=key, assemble=assemble, free_flyer=free_flyer, more=more)

@@ -86,7 +86,10 @@ class MechanismFile(Table):
         """Replace ``{ input = NAME }`` in drivers, forces and motors by the input of that name."""
         if not isinstance(content, Mapping) or not isinstance(tables := content.get("input", ()), list | tuple):
             return content
-        known = {x["name"]: x for x in tables if isinstance(x, dict) and isinstance(x.get("name"), str)}
+        named = [x for x in tables if isinstance(x, dict) and isinstance(x.get("name"), str)]
+        known = {x["name"]: x for x in named}
+        if len(known) < len(named):
+            raise ValueError(f"inputs need different names, got {', '.join(x['name'] for x in named)}")
         out = {k: _with_inputs(x, known) if k in ("driver", "force") else x for k, x in content.items()}
         if isinstance(motors := content.get("motor"), Mapping):  # a motor may be named "input"
             out["motor"] = {name: _with_inputs(x, known) for name, x in motors.items()}

@@ -31,7 +31,7 @@ class RangeSwitch(Switch):
         columns: indices of the joint in q and in v.
     """
 
-    takes_impulse = False
+    by_position, takes_impulse = True, False
     states = ("out of range", "active")
 
     def __init__(self, name: str, spec: ActiveRange, rows: Sequence[int], columns: tuple[int, int]) -> None:
