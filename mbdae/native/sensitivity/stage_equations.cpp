@@ -172,14 +172,14 @@ void StageEquations::positions(const StageValues& stage) {
   p.middleRows(first, nv) = -ConstMatrixMap(P_.data(), p.cols(), n_).leftCols(nv).transpose();
 }
 
-void StageEquations::add_parameters(const Eigen::MatrixXd& mu) {
+void StageEquations::add_parameters(const Eigen::MatrixXd& equation_cotangents) {
   const int nv = s_.nv, ny = s_.ny;
   Vector force_cotangents, row_cotangents;
-  // mu (m, costs): cotangents of equations, and of rows with opposite sign
+  // cotangents of forces, and of rows with opposite sign
   const auto gather = [&](int first, int size, int rows, int last) {
     force_cotangents.clear(), row_cotangents.clear();
-    for (int c = 0; c < mu.cols(); ++c) {
-      const double* column = mu.col(c).data();
+    for (int c = 0; c < equation_cotangents.cols(); ++c) {
+      const double* column = equation_cotangents.col(c).data();
       force_cotangents.insert(force_cotangents.end(), column + first, column + first + size),
           force_cotangents.resize((c + 1) * n_, 0.0);
       for (int k = rows; k < last; ++k) row_cotangents.push_back(-column[k]);

@@ -29,7 +29,7 @@ class StageEquations {
   void take(const double* y0, const StageValues& stage, const IndependentRows* positions);
   int size() const { return m_; }
   // Add the cotangents of the parameters, from those of the equations, (m, costs).
-  void add_parameters(const Eigen::MatrixXd& mu);
+  void add_parameters(const Eigen::MatrixXd& equation_cotangents);
 
   Rows<double> unknown_partials, x, xhat, y;  // (m, m) at fixed x and xhat; (m, ny), (m, 2 nv), (m, ny)
   Rows<double> p;                             // (m, k), for tangents

@@ -1,7 +1,7 @@
 // Half-explicit and collocation steps that record their stages, for tangents and adjoints.
 #include <algorithm>
 
-#include "sensitivity/coupled_stages.hpp"
+#include "sensitivity/general_step_sensitivity.hpp"
 #include "steps/ggl.hpp"
 #include "steps/formulations.hpp"
 

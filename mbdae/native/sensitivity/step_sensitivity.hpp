@@ -18,7 +18,7 @@ class StepSensitivity final : public HalfExplicitStep, public StepMap {
   // partials: whether to store the partials of the step.
   void repeat(double t, double h, const State& in, State& out, bool partials);
   void repeat(double t, double h, const State& in, State& out) override { repeat(t, h, in, out, true); }
-  // dh and dt are ignored; `CoupledStages` supports them.
+  // dh and dt are ignored; `GeneralStepSensitivity` supports them.
   void forward(int directions, double* tangents, const double* dp, const double* dh, const double* dt) override;
   void reverse(int costs, double* cotangents) override;
 

@@ -18,26 +18,28 @@ from .inertias import checked_inertia
 from .schema import MechanismFile
 
 
-def build(file: MechanismFile, parts: Sequence[ImportedModel], name: str) -> tuple[pin.Model, pin.GeometryModel | None]:
+def build(
+    file: MechanismFile, models: Sequence[ImportedModel], name: str
+) -> tuple[pin.Model, pin.GeometryModel | None]:
     """Return the model and its visuals, with sources, extra bodies and frames, replaced joints and locked joints.
 
     Args:
         file: the mechanism file.
-        parts: its imported sources.
+        models: the imported models of its sources.
         name: name of the model.
 
     Raises:
         UnknownNameError: for an unknown frame or joint.
         InputError: for a duplicate name, circular parents of frames, or numbers that are not finite.
     """
-    tree = Tree(parts[0].model.name if len(parts) == 1 else name)
-    _attach(tree, file, parts)
+    tree = Tree(models[0].model.name if len(models) == 1 else name)
+    _attach(tree, file, models)
     tree.model.gravity.linear = np.array(file.gravity)
     if not (tree.model.nv or file.flexible):
         raise InputError(f"{name} has no joints that move; a URDF gets one by free_flyer = true in a mechanism file")
     require_finite(tree.model)
     require_printable_names(tree.model)
-    normals = {s.prefix + n: axis for s, p in zip(file.source, parts, strict=True) for n, axis in p.normals.items()}
+    normals = {s.prefix + n: axis for s, m in zip(file.source, models, strict=True) for n, axis in m.normals.items()}
     model, visuals = resolve_joints(tree.model, tree.visuals, file.joint_type, file.lock, normals)
     model, visuals = _with_flexible_bodies(model, visuals, file.flexible)
     return model, visuals if visuals is not None and len(visuals.geometryObjects) else None
@@ -60,21 +62,21 @@ def _with_flexible_bodies(
     return model, visuals
 
 
-def _attach(tree: Tree, file: MechanismFile, parts: Sequence[ImportedModel]) -> None:
+def _attach(tree: Tree, file: MechanismFile, models: Sequence[ImportedModel]) -> None:
     """Attach sources, bodies and frames, each after its parent frame."""
-    waiting: list[tuple[Source | Frame, ImportedModel | None]] = [*zip(file.source, parts, strict=True)]
+    waiting: list[tuple[Source | Frame, ImportedModel | None]] = [*zip(file.source, models, strict=True)]
     waiting += [(x, None) for x in (*file.body, *file.frame)]
     while waiting:
         known = dict.fromkeys(frame_names(tree.model))
         ready = [pair for pair in waiting if pair[0].parent in known]
         if not ready:
             _raise_unattached(waiting, list(known), file.flexible)
-        for x, part in ready:
+        for x, imported in ready:
             if isinstance(x, Frame):
                 _add(tree.model, x)
-            elif part is not None:
+            elif imported is not None:
                 parent = find_frame(tree.model, x.parent)
-                tree.graft(part.model, part.visuals, parent=parent, placement=placement(x), prefix=x.prefix)
+                tree.graft(imported.model, imported.visuals, parent=parent, placement=placement(x), prefix=x.prefix)
         waiting = [pair for pair in waiting if pair[0].parent not in known]
 
 
