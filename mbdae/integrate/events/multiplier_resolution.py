@@ -91,7 +91,7 @@ def resolution_error(guards: Sequence["TrackedGuard"], at: PointAt, thetas: Arra
     return worst
 
 
-def resolving_step(guards: Sequence["TrackedGuard"], at: PointAt, step_size: float) -> Array:
+def resolving_samples(guards: Sequence["TrackedGuard"], at: PointAt, step_size: float) -> Array:
     """Return the values of theta at which multipliers are sampled in a step of fixed size: enough to resolve them."""
     thetas = QUARTERS
     with suppress(StepError):

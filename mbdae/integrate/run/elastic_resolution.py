@@ -40,7 +40,7 @@ class Vibrations(NamedTuple):
         modes: elastic modes at the first node.
         names: labels with the frequencies at the first node, (m,).
         nodes: indices of the nodes, (n,).
-        rates: velocity amplitudes of the oscillation, (n, m), in m sqrt(kg)/s.
+        amplitudes: velocity amplitudes of the oscillation, (n, m), in m sqrt(kg)/s.
         largest: largest velocity amplitude or modal velocity over the nodes, (m,).
         tolerance: tolerance of velocity amplitudes.
         errors: errors of velocity amplitudes that step-size control allows, (m,), so that the method may excite them.
@@ -49,7 +49,7 @@ class Vibrations(NamedTuple):
     modes: ElasticModes
     names: Array
     nodes: Array
-    rates: Array
+    amplitudes: Array
     largest: Array
     tolerance: float
     errors: Array
@@ -90,7 +90,7 @@ def limiting_vibration(sol: Solution, vibrations: Vibrations) -> str:
     if "step" in sol.settings:
         return ""
     w, ratios, h = vibrations.modes.frequencies, vibrations.modes.ratios, np.abs(np.diff(sol.nodes[0]))
-    excited = vibrations.rates.max(axis=0) > vibrations.tolerance
+    excited = vibrations.amplitudes.max(axis=0) > vibrations.tolerance
     limits = excited & (h.mean() * w > MIN_LIMITING) & (ratios < MAX_DAMPING)
     return f"steps limited by {vibrations.names[limits][-1]}; damp or drop it" if limits.any() else ""
 
@@ -157,7 +157,7 @@ def _error(vibrations: Vibrations, k: int, ts: Array, h: Array, method: Any) -> 
     sizes = np.geomspace(max(h.min(), TINY), h.max() * (1 + NEGLIGIBLE), SIZES)
     errors = np.interp(h, sizes, step_error(method, z * sizes))
     total, worst = np.concatenate([[0.0], np.cumsum(errors)]), 0.0
-    rates = vibrations.rates[:, k]
+    rates = vibrations.amplitudes[:, k]
     rates = np.where((vibrations.nodes == 0) | (rates > vibrations.errors[k]), rates, 0.0)
     for i, rate in zip(vibrations.nodes[:-1], rates[:-1], strict=True):
         decay = np.exp(z.real * np.abs(ts[i + 1 :] - ts[i]))

@@ -120,7 +120,7 @@ class GuardMonitor {
   Values values(double t, const double* y, const Vector& F, const Vector& lam, bool advances);
   // s: end of the first quarter of the predicted separation after an impact, in which other methods may not resolve the
   // gap; -inf: none.
-  double takeoff_end(int i) const;
+  double first_quarter_of_flight(int i) const;
 
  private:
   struct Point {

@@ -11,7 +11,7 @@ namespace mbdae {
 using Mode = std::vector<int>;  // the state of each switch
 
 // 0: separated, overrunning, outside; 1: in contact or sticking, locked, inside; further states depend on the kind.
-enum SwitchState { released = 0, active = 1, sliding = 2, runs_back = 2, slips_ahead = 2, slips_back = 3 };
+enum SwitchState { released = 0, active = 1, sliding = 2, runs_back = 2, slips_forwards = 2, slips_backwards = 3 };
 
 struct Switch {
   NAMED_ENUM(enum class, Kind, contact, clutch, ratchet, stiction, range)

@@ -57,5 +57,5 @@ def _row(
             robots_directory()
     except InputError as e:
         return {"name": name, "title": str(e)} | dict.fromkeys((*sizes, "parameters"))
-    words = "; ".join(f"{name}: {takes}" for name, takes in parameters.items()) if complete else ", ".join(parameters)
+    words = "; ".join(f"{name}: {values}" for name, values in parameters.items()) if complete else ", ".join(parameters)
     return {"name": name, "title": title, **sizes, "parameters": words or None}

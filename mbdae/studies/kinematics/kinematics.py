@@ -44,7 +44,7 @@ def kinematics(
 
         g(q) = 0,   q_drive = u;      G dq/du = 0,   G d2q/du2 = -gamma(q, dq/du)
 
-    The curve is traced by continuation in its arclength, through dead points of the input, where it reverses,
+    The curve is traced by continuation in its arclength, through dead points of the input joint, where it reverses,
     and smoothly through branch points. It ends where the input leaves its range, or where the curve closes. Stops,
     ropes, contacts, clutches and friction do not act; poses that violate unilateral constraints are reported.
     Source: Allgower, Georg, Introduction to Numerical Continuation Methods (2003).

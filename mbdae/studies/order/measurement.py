@@ -23,7 +23,7 @@ from ...methods import method as find_method
 from ...solution.solution import Problem, Solution, uninterrupted
 from ...system import Array
 from ...tolerances import EPS, SOLUTION_ROUNDING
-from .rates import ABOVE, REFINEMENTS, above, done, fit
+from .rates import FLOOR_RATIO, REFINEMENTS, count_above_floors, fit, is_complete
 from .result import ObservedOrder
 
 MIN_OUTPUTS = 5
@@ -151,7 +151,7 @@ class Measurement:
     def floors(self, tableau: Method, n: int, reference: tuple[Array, ...], uncertainty: Array) -> Array:
         """Return 100 (uncertainty + rounding), one for each quantity."""
         sizes = np.array([float(np.abs(x).max(initial=0.0)) for x in reference])
-        return ABOVE * (uncertainty + self.rounding(tableau, self.T / n, sizes))
+        return FLOOR_RATIO * (uncertainty + self.rounding(tableau, self.T / n, sizes))
 
     def rounding(self, tableau: Method, h: float, sizes: Array) -> Array:
         """Return the rounding error of each quantity, of these sizes, with steps of h."""
@@ -179,7 +179,7 @@ class Measurement:
         samples, stride = self._halve_steps(tableau, reference, uncertainty), 1
         orders = self._observed_orders(tableau, samples, reference, uncertainty)
         while self.add_coarser_steps and self.steps % (2 * stride) == 0 and self.steps // (2 * stride) >= MIN_OUTPUTS:
-            if all(above(s.errors, s.floors) > REFINEMENTS for s in orders):
+            if all(count_above_floors(s.errors, s.floors) > REFINEMENTS for s in orders):
                 break
             stride *= 2
             reference, *previous = (tuple(x[1::2] for x in found) for found in (reference, *samples.values()))
@@ -187,7 +187,7 @@ class Measurement:
             samples = self._add_runs(tableau, [self.steps // stride], stride, samples)
             orders = self._observed_orders(tableau, samples, reference, uncertainty)
         for parts in SUBDIVISIONS:
-            useful = max((above(s.errors, s.floors) for s in orders if not s.is_conclusive), default=0)
+            useful = max((count_above_floors(s.errors, s.floors) for s in orders if not s.is_conclusive), default=0)
             between = self.between([*samples][:useful], parts, self.steps // stride)
             ns = [n for n in between if n not in samples]
             samples = self._add_runs(tableau, ns, stride, samples)
@@ -203,7 +203,7 @@ class Measurement:
         while n * tableau.solves <= self.max_solves:
             if n in (samples := self._add_runs(tableau, [n], 1, samples)):
                 orders = self._observed_orders(tableau, samples, reference, uncertainty)
-                if all(done(s.steps, s.errors, s.floors) for s in orders):
+                if all(is_complete(s.steps, s.errors, s.floors) for s in orders):
                     break
             n *= 2
         return samples
