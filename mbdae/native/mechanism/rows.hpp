@@ -116,7 +116,7 @@ struct Row {
 
  private:
   double wrench_along_line(const Pair& pair, double* w) const;
-  double coordinate_value(const double* q, double* first) const;       // g, and dg/dx_j
+  double coordinate_value(const double* q, double* first) const;       // g, and -dg/dx_j
   double reduced_coordinate(const double* q, double* increase) const;  // x_j reduced to the period of the law
   double bias_coefficient(const double* q) const;      // p''(x_j), or r'(x_k)
 };

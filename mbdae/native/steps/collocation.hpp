@@ -90,7 +90,7 @@ class CollocationStep {
   const int nq_, nv_, ns_, ny_;
   Vector y0_, size_;                                    // (length,), (ny,) at the start of the step
   Vector q_, u_, f_, inertial_, G_, gt_, lam_, rates_;  // scratch
-  Vector scale_, X_, R_, dK_, moves_, C_, dZ_;          // (ny,), (s, ny) four times, (s, r) twice
+  Vector scale_, X_, R_, dK_, displacements_, C_, dZ_;          // (ny,), (s, ny) four times, (s, r) twice
   Vector dk_, dz_, work_;                               // (2, ny), (2, r)
 };
 
