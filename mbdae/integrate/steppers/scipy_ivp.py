@@ -125,7 +125,7 @@ class Scipy(LibraryStepper):
         if self._last is None or self._last[0] != self.solver.t or not np.array_equal(self._last[1], y):
             self._rate(self.solver.t, y)
         _, _, z = self._last or (0.0, y, y)
-        return self.end_of_step(self.system.normal(y), z)
+        return self.end_of_step(self.system.normalized(y), z)
 
     def restart(self) -> None:
         """Start a new solver after a jump."""

@@ -46,4 +46,4 @@ class JointTorque(Force):
             i = single_coordinate_joints(model, self.joint, f"joint_torque {self.name!r} with a bias")[0].idx_v
             columns = (("1", 0), ("q", j.idx_q), ("v", i))
             terms += [("tau", i, column, x, b) for (column, x), b in zip(columns, self.bias, strict=True)]
-        return LinearElement(self.name, terms, signals=values)
+        return LinearElement(self.name, terms, time_functions=values)

@@ -62,13 +62,13 @@ class Index1System(Index2System):
         super().update_independent_rows(t, state)
         return state
 
-    def normal(self, y: Array) -> Array:
+    def normalized(self, y: Array) -> Array:
         """Return the point of raw coordinates with normalized quaternions and (cos, sin) pairs."""
         return np.concatenate([self.manifold.normalized(y[: self.nq]), y[self.nq :]])
 
     def rate(self, t: float, y: Array) -> tuple[Array, Array]:
         """Return dy/dt = (T v, v', w') in raw coordinates, (nq + nv + 1,), and lam (ng,)."""
-        y = self.normal(y)
+        y = self.normalized(y)
         F, lam = self.derivative(t, y)
         if self.manifold.flat:
             return F, lam

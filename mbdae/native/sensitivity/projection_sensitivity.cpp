@@ -69,7 +69,7 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
   solve(c, x.data(), eta.data());
   c.x = x;
   LinearizationPoint& p = c.point;
-  p.loaded = false, p.t = t, p.q.assign(q, q + nq), p.u.assign(nv + s_.ns + 1, 0.0), p.vdot.assign(nv, 0.0);
+  p.has_applied_forces = false, p.t = t, p.q.assign(q, q + nq), p.u.assign(nv + s_.ns + 1, 0.0), p.vdot.assign(nv, 0.0);
   p.lam.assign(s_.ng, 0.0), p.wrenches.clear(), p.constraint_points.resize(1);
   LinearizationPoint::ConstraintPoint& constrained = p.constraint_points[0];
   constrained.t = t, constrained.q = p.q,

@@ -154,7 +154,7 @@ void StageEquations::positions(const StageValues& stage) {
   const int nv = s_.nv, ny = s_.ny, first = ny + r_;
   const Vector zero(nv, 0.0);
   LinearizationPoint& o = mu_point_;
-  o.loaded = false, o.t = stage.t, o.q = point_.q, o.u.assign(n_, 0.0), o.vdot = stage.mu_velocity, o.lam = stage.mu;
+  o.has_applied_forces = false, o.t = stage.t, o.q = point_.q, o.u.assign(n_, 0.0), o.vdot = stage.mu_velocity, o.lam = stage.mu;
   unknown_partials.block(first, first, nv, nv) = unknown_partials.block(nv, nv, nv, nv);
   for (int k : position_rows_->in_use()) {
     const ConstMatrixMap row(&G_[static_cast<size_t>(k) * nv], 1, nv);

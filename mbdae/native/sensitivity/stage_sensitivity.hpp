@@ -21,7 +21,7 @@ struct LinearizationPoint {
     double weight;
     std::vector<WrenchPartials> wrench_partials = {};  // (ng,) of rows in use, unless kind is g
   };
-  bool loaded = true;                     // includes laws and gravity
+  bool has_applied_forces = true;                     // includes laws and gravity
   bool at_rest = false;                   // no forces and no velocity: P is 0
   const IndependentRows* rows = nullptr;  // rows of `constraint_points` and `nu`; nullptr: rows in use
   double t = 0;

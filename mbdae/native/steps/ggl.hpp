@@ -28,7 +28,7 @@ class GGLStep : public HalfExplicitStep {
   void transfer();                     // set G_transferred_
   void check_other_rows(double that);  // throws if a row that is not in use is violated
 
-  Vector gap_, dmu_;          // (ng,) by row
+  Vector g_, dmu_;          // (ng,) by row
   Vector dmu_velocity_, move_, stage_x_;  // (nv,) correction of M^-1 G^T mu and of x'; x of a stage
   Vector G_transferred_;                  // Ghat J(xhat)^-1 J(x) of curved coordinates
   std::vector<TangentBlock> transfer_;

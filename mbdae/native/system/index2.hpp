@@ -179,7 +179,7 @@ class Index2System {
   const Vector probe_;               // (nv,)
   const double alpha_, beta_;         // 1/s
   Vector nonconservative_, f_;        // (nv,)
-  Vector lam_, gt_, gap_, rate_;     // (ng,)
+  Vector lam_, gt_, g_, rate_;     // (ng,)
   Vector all_G_;                     // (ng, nv)
   Vector law_partials_, dtau_dq_, dtau_dv_;  // (2 nv + ns, 2 nv + ns), (nv, nv) twice
 };

@@ -260,7 +260,7 @@ def _split(derivatives: Array, nv: int) -> InputPartials:
 def _inputs_of_other_elements(statics: Statics) -> set[str]:
     """Return the names of inputs of drivers and of nonlinear forces."""
     laws = (law for law, _ in statics.system.laws.bound if not isinstance(law, LinearElement))
-    signals = [*(u for law in laws for u in law.signals), *(d.path for d in statics.mech.drivers)]
+    signals = [*(u for law in laws for u in law.time_functions), *(d.path for d in statics.mech.drivers)]
     return {u.name for u in signals if isinstance(u, Input | InputHistory)}
 
 

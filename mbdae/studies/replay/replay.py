@@ -15,7 +15,7 @@ from ...units import quantity
 from ..figures import COLOURS
 from . import animation_tracks as tracks
 from .html_page import Extras, html_document, inline_frame, scene_data
-from .mode_tracks import mark_parts, mode_legend, mode_tracks_of
+from .mode_tracks import mark_drawables, mode_legend, mode_tracks_of
 from .plot_panels import Plot, PlotPanel, Signal, panes
 from .threejs import selectable_clips, typed_array
 from .video import VIDEO, film
@@ -162,7 +162,7 @@ def page(
 
     paths = tracks.traces(mechanism, traces, configurations, times, deformation)
     extras = Extras(
-        [*(moving for _, _, moving in drawn_ghosts), mark_parts(marks, times, speed, scene.width)],
+        [*(moving for _, _, moving in drawn_ghosts), mark_drawables(marks, times, speed, scene.width)],
         paths,
         forces,
         [*_legend(drawn_ghosts, paths, forces), *mode_legend(marks)],

@@ -99,7 +99,7 @@ def adjoint_sweep(
         if last:
             fixed, by_p = last.of_fixed_step(bars[:, :ny].T, bars[:, ny:].T, bar_t)
             bars[:, :ny], p = fixed.T, p + by_p.T
-        bars, by_p = _reverse_parts(last.parts if last else list(trajectory.step_parts(i - 1)), bars, ny)
+        bars, by_p = _reverse_parts(last.step_parts if last else list(trajectory.step_parts(i - 1)), bars, ny)
         i -= 1
         at, more, _ = node_cotangents.at(i)
         bars, p = bars + at, p + by_p + more
