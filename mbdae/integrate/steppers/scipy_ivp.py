@@ -39,9 +39,9 @@ class ScipySolver(LibrarySolver):
         solver: type[OdeSolver] = getattr(import_module("scipy.integrate"), self.name)
         return solver
 
-    def stepper(self, system: System, *control: Any) -> "Scipy":
+    def stepper(self, system: System, *control: Any) -> "ScipyStepper":
         """See `LibrarySolver.stepper`."""
-        return Scipy(self, system, *control)
+        return ScipyStepper(self, system, *control)
 
 
 SCIPY: dict[str, ScipySolver] = {
@@ -55,7 +55,7 @@ SCIPY: dict[str, ScipySolver] = {
 }
 
 
-class Scipy(LibraryStepper):
+class ScipyStepper(LibraryStepper):
     """A solver of scipy, with its own step-size control and its definition of rtol and atol.
 
     Rejected steps are counted for RK45 and DOP853; Radau and LSODA do not report them (None).

@@ -19,7 +19,7 @@ class DenseLU {
   bool factorize();  // false if a pivot is zero or not finite
   void solve(double* b) const;
   void solve_transposed(double* b) const;
-  bool positive_determinant() const;  // of a real matrix
+  bool positive_determinant() const;  // for a real matrix
 
  private:
   int n_ = 0;

@@ -27,7 +27,7 @@ struct ModalNode {  // position r; Phi, Psi (k, 3): translations and rotations o
 // order xx, xy, yy, xz, yz, zz.
 struct ModalBody {
   int joint = 0;                                                // joint of the model that moves the frame
-  double placement[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0};  // of the frame on the joint: R by columns, p
+  double placement[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0};  // placement of the frame on the joint: R by columns, p
   int iq = 0, iv = 0, modes = 0;  // the first coordinate and velocity of the modes, and their number
   Vector C, C2, H0, Mq, Hj, I1, I2, H2, Mq1, Mq2;
   std::vector<ModalNode> nodes;

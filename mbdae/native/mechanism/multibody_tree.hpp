@@ -29,7 +29,7 @@ class MultibodyTree {
 
   Tolerances tolerances;
   int nq, nv, joints, frames;               // frames: joints, then nodes of flexible bodies
-  std::vector<std::vector<int>> ancestors;  // of each degree of freedom, nearest first
+  std::vector<std::vector<int>> ancestors;  // ancestors of each degree of freedom, nearest first
   InertiaPattern pattern;
   std::vector<int> tangent;                 // (nq,) the degree of freedom of a joint's first coordinate
   std::vector<int> parents;                 // (joints,)
@@ -75,7 +75,7 @@ class MultibodyTree {
   void normalize(double* q);
   void tangent_map(const double* q, const double* v, double* dq);  // dq/dt of raw coordinates
 
-  double potential() const;                 // of gravity in J, at the current poses
+  double potential() const;                 // potential energy of gravity in J, at the current poses
   const double* M() const;                  // entries of M, see `InertiaPattern`
   void dense_M(double* out) const;          // (nv, nv)
   double kinetic_energy(const double* v) const;                     // in J, of the current M

@@ -111,7 +111,7 @@ class ExportedMechanism {
     FIELDS(switches, guards)
   };
   Vector guards() const;
-  void set_guards(const Vector& guards);  // of the current mode
+  void set_guards(const Vector& guards);  // set the guards of the current mode
   void build();
   void clear_core();
   [[noreturn]] void fail(const char* what) const;

@@ -8,7 +8,7 @@ namespace mbdae {
 
 namespace {
 
-constexpr int halvings = 6;  // of the step, to obtain an initial guess
+constexpr int max_halvings = 6;  // largest number of halvings of the step, to obtain an initial guess
 
 }  // namespace
 
@@ -77,7 +77,7 @@ void GeneralStepSensitivity::repeat(double t, double h, const State& in, State& 
   try {
     steps_->take(t, h, in, out);
   } catch (const StepTooLong&) {
-    newton(t, h, in, halvings);
+    newton(t, h, in, max_halvings);
     steps_->finish(in, out);
   }
   linearize(in.y);

@@ -80,7 +80,7 @@ class GeneralStepSensitivity final : public StepMap {
   double h_ = 0;
   int r_ = 0;
   std::vector<std::unique_ptr<StageEquations>> stages_;
-  std::vector<System> systems_;  // of each stage, or one for all
+  std::vector<System> systems_;  // one for each stage, or one for all
   std::vector<IntegratePartialsBlock> end_;
 };
 

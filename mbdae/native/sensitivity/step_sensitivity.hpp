@@ -32,8 +32,8 @@ class StepSensitivity final : public HalfExplicitStep, public StepMap {
   std::vector<std::unique_ptr<StageSensitivity>> stages_;
   std::vector<IntegratePartialsBlock> end_;
   Vector dF_, Q_dp_, x_bar_, xhat_bar_, P_dp_;
-  std::vector<Vector> P_, Q_;  // of stages, for tangents
-  Vector upper_, nu_;          // of a stage, for cotangents: (costs, n), (costs, r)
+  std::vector<Vector> P_, Q_;  // P and Q of stages, for tangents
+  Vector upper_, nu_;          // cotangents of a stage, (costs, n) and (costs, r)
 };
 
 }  // namespace mbdae

@@ -10,7 +10,7 @@
 
 namespace mbdae {
 
-struct EigenMode {  // of A: A x = Re sum column value (row . x)
+struct EigenMode {  // eigenvalue of A with its vectors: A x = Re sum column value (row . x)
   std::complex<double> value;
   std::vector<std::complex<double>> column, row;  // (s,)
 
@@ -43,7 +43,7 @@ class StageSolver;
 struct LinearizedStages {
   EquationPartials partials;
   std::vector<TangentBlock> tangents;
-  Vector P, N = {};  // of GGL, (k, nv): positional rows in use, and M^-1 P^T by columns
+  Vector P, N = {};  // for GGL, (k, nv): positional rows in use, and M^-1 P^T by columns
 };
 
 // Data that a step passes to the next one.
