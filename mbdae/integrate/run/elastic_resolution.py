@@ -109,14 +109,14 @@ def find_vibrations(sol: Solution) -> Vibrations | None:
         kinetic = max(system.energy(*system.split(ys[i]))[0] for i in nodes)
     except StepError:
         return None
-    velocity_indices = system.nq + modes.at
+    velocity_indices = system.nq + modes.iv
     deflections, speeds = (np.abs(ys[:, i] @ modes.rows.T).max(axis=0) for i in (modes.iq, velocity_indices))
     largest = np.maximum(rates.max(axis=0), speeds)  # at rest the deflections have the tolerance
     relative = VISIBLE if "step" in sol.settings else min(sol.settings["rtol"], COARSE)
     rounding = RATE_ROUNDING * np.sqrt(2 * kinetic)
     tolerance = max(relative * np.maximum(largest, w * deflections).max(), rounding)
     atol = np.asarray(sol.settings.get("atol", 0.0))
-    errors = (1 + w) * (atol[modes.at] if atol.ndim else atol).max()  # tolerances of eta' and of w eta
+    errors = (1 + w) * (atol[modes.iv] if atol.ndim else atol).max()  # tolerances of eta' and of w eta
     return Vibrations(modes, _names(modes), nodes, rates, largest, tolerance, errors)
 
 
@@ -138,13 +138,13 @@ def _oscillation(system: Index2System, modes: ElasticModes, t: float, y: Array) 
 
     def quasi_static(t: float, y: Array) -> tuple[Array, Array]:
         F = system.derivative(t, y)[0]
-        eta, rate, acceleration = (modes.rows @ x for x in (y[modes.iq], y[nq + modes.at], F[nv + modes.at]))
+        eta, rate, acceleration = (modes.rows @ x for x in (y[modes.iq], y[nq + modes.iv], F[nv + modes.iv]))
         return eta + lag * rate + acceleration / w**2, F
 
     dt = QUOTIENT_WIDTH / w[-1]
     deflection, F = quasi_static(t, y)
     speed = (quasi_static(t + dt, system.add(y, dt * F))[0] - deflection) / dt
-    eta, rate = modes.rows @ y[modes.iq], modes.rows @ y[nq + modes.at]
+    eta, rate = modes.rows @ y[modes.iq], modes.rows @ y[nq + modes.iv]
     return np.hypot(rate - speed, w * (eta - deflection + lag * speed))
 
 

@@ -94,9 +94,9 @@ struct Law {
   int state = 0, states = 0;      // first index of its states in s, and their number
   bool rotating = false;          // its axes rotate with the frame
   bool has_potential = false;
-  Call call;                      // Python
-  Partials partials;              // Python
-  Partials time_rate;             // Python, of (tau, s'), (nv + states,)
+  Call call;                      // Python function
+  Partials partials;              // Python function
+  Partials time_rate;             // Python function: time derivative of (tau, s'), (nv + states,)
   std::vector<Term> terms;        // precomputed
   mutable std::vector<double> u;  // workspace
 

@@ -73,7 +73,7 @@ class PlanarSweep final : public Sweep {
   struct Joint {                                         // a joint and its child body, at zero angles
     double sign = 0;                                     // sign of the axis of rotation along the normal
     Vector2 offset, translations[2], lever;              // from the parent; directions of translations; centre of mass
-    double mass = 0, inertia = 0;                        // about the centre of mass
+    double mass = 0, inertia = 0;                        // mass, and inertia about the centre of mass
     double fixed[9] = {}, cosine[9] = {}, sine[9] = {};  // R = fixed + cos cosine + sin sine, by columns
     double normal_offset[3] = {};                        // position along the normal
   };

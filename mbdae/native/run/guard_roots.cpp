@@ -139,7 +139,8 @@ double GuardMonitor::negative_fraction(int i) {
   const Cubic cubic(start.f, end.f, h * start.rate, h * end.rate);
   if (!cubic.has_minimum() || cubic.minimum() > modes_.grazing * std::min(start.f, end.f)) return 0;
   const auto rate = [&](double theta) { return at(theta, i).rate; };
-  const double small = modes_.coincident, falling_fraction = cubic.falling(), falling_rate = rate(falling_fraction);
+  const double small = modes_.coincident, falling_fraction = cubic.falling_point();
+  const double falling_rate = rate(falling_fraction);
   if (!(falling_rate < 0)) return 0;
   const double theta = brent(rate, falling_fraction, falling_rate, 1, end.rate, small, small, modes_.root_iterations);
   return at(theta, i).f < -rounding(i) ? theta : 0;

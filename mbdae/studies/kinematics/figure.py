@@ -21,7 +21,7 @@ PREFIXES = ("q.", "v.", "a.")
 
 @fixed_layout
 def curves(found: "Kinematics") -> "Figure":
-    """Draw coordinates, velocities and accelerations per unit of the drive, and the transmission angle over the input.
+    """Draw coordinates, velocities and accelerations per unit of the drive, and transmission angles, against the input.
 
     Curves are cut at dead points, where rates are unbounded; dotted lines mark dead points, dashed ones branch points.
     """

@@ -98,7 +98,7 @@ class LinearSystem(Tabular):
         return np.geomspace(size.min() / 10, size.max() * 10, N_FREQUENCIES) / (2 * np.pi)
 
     def plot(self, path: str | Path | None = None, hertz: Sequence[float] | Array | None = None) -> "Figure":
-        """Draw gain and phase over frequencies in Hz, `band` when left out; saved if a path is given.
+        """Draw gain and phase against frequencies in Hz, `band` when left out; saved if a path is given.
 
         Raises:
             InputError: for another format, an unwritable path, or frequencies as in `response`.

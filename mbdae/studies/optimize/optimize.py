@@ -177,7 +177,7 @@ class Problem:
         return motion, found
 
     def violation(self, evaluation: Evaluation) -> float:
-        """Return the largest constraint violation over the magnitude of the constraint; 0 if satisfied."""
+        """Return the largest ratio of a constraint's violation to its magnitude; 0 if satisfied."""
         found = [(x, self.magnitudes[name], *self.limits[name]) for name, x in evaluation.constraints.items()]
         violations = [max(low - x, x - high) / size for x, size, low, high in found]
         return max((x for x in violations if x > VISIBLE), default=0.0)

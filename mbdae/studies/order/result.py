@@ -179,7 +179,7 @@ class OrderStudy(Tabular):
         return "\n".join([super().to_latex(), *tables])
 
     def plot(self, path: str | Path | None = None) -> "Figure":
-        """Draw the errors over the step with the fitted and the claimed orders; saved if a path is given.
+        """Draw the errors against the step with the fitted and the claimed orders; saved if a path is given.
 
         Raises:
             InputError: for a format other than .png, .svg, .pdf or .pgf, or an unwritable path.

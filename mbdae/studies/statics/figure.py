@@ -19,7 +19,7 @@ STYLES |= {"contact": ("contact closes", "v"), "separation": ("contact opens", "
 
 @fixed_layout
 def load_deflection(path: LoadPath, coordinate: str | None = None) -> "Figure":
-    """Draw the factor on the load over a coordinate; unstable equilibria dashed, critical points marked.
+    """Draw the factor on the load against a coordinate; unstable equilibria dashed, critical points marked.
 
     Raises:
         UnknownNameError: for a coordinate that does not exist.

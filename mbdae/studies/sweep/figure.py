@@ -21,7 +21,7 @@ FEW_LARGE = 0.25  # largest median of values on a logarithmic axis, over their m
 
 @fixed_layout
 def spread(sweep: Sweep, output: str | None = None) -> "Figure":
-    """Draw a result of every run over each numeric parameter, and its histogram; a grid over two as a heat map.
+    """Draw a result of every run against each numeric parameter, and its histogram; a grid over two as a heat map.
 
     Args:
         sweep: the table.
@@ -65,7 +65,7 @@ def _is_full_grid(sweep: Sweep, values: list[np.ndarray]) -> bool:
 
 
 def _panels(sweep: Sweep, parameters: list[str], y: np.ndarray, label: str, *, curve: bool) -> "Figure":
-    """Draw points over each parameter, or a curve over the only one, and the histogram."""
+    """Draw points against each parameter, or a curve against the only one, and the histogram."""
     known = np.isfinite(y)
     rows = -(-(len(parameters) + 1) // COLUMNS)
     figure = empty_figure(WIDTH, HEIGHT * rows + 0.3)

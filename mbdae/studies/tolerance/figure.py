@@ -21,7 +21,7 @@ WORST, STATISTICAL = ("0.85", "worst case"), (COLOURS[0], "statistical")
 
 @fixed_layout
 def bands(found: Tolerance) -> "Figure":
-    """Draw worst case, statistical deviation and the largest contributions over the input, and magnified bands."""
+    """Draw worst case, statistical deviation and the largest contributions against the input, and magnified bands."""
     m, paths = len(found.signals), found.paths()
     figure = empty_figure(WIDTH, 1.6 * m + 3.2 * len(paths) + 0.6)
     axes = figure.subplots(m + len(paths), 1, squeeze=False, height_ratios=[1.6] * m + [3.2] * len(paths))[:, 0]

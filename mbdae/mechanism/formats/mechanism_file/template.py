@@ -196,17 +196,17 @@ def with_start(mech: Mechanism, values: Mapping[str, object]) -> Mechanism:
 
 def _check_path(file: MechanismFile, name: str) -> None:
     """Reject a dotted path into the tables of a file that is invalid, or ends at a table."""
-    at: Any = file
+    entry: Any = file
     rest = name
     while rest:
-        key, rest = first_key(at, rest, name)
-        if isinstance(at, dict) and key not in at:
-            raise UnknownNameError(f"entry of {name.removesuffix(key).rstrip('.')}", key, at)
-        at = entry_at(at, key)
-    if isinstance(at, Constant):  # a number as a function of time
+        key, rest = first_key(entry, rest, name)
+        if isinstance(entry, dict) and key not in entry:
+            raise UnknownNameError(f"entry of {name.removesuffix(key).rstrip('.')}", key, entry)
+        entry = entry_at(entry, key)
+    if isinstance(entry, Constant):  # a number as a function of time
         return
-    if isinstance(at, Table) or entry_names(at if isinstance(at, tuple) else ()):
-        raise InputError(f"{name!r} is a table, name an entry of it: {', '.join(entry_keys(at))}")
+    if isinstance(entry, Table) or entry_names(entry if isinstance(entry, tuple) else ()):
+        raise InputError(f"{name!r} is a table, name an entry of it: {', '.join(entry_keys(entry))}")
 
 
 def split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:
@@ -238,20 +238,20 @@ def _with_joint_values(imported: ImportedModel, prefix: str, joint_values: Mappi
         joint, rest = split_joint(path, names)
         body = bodies.get(joint) or as_body(model, joint.removeprefix(prefix))
         bodies[joint] = with_entry(body, rest, value, f"joint.{path}")
-        at = model.getJointId(joint.removeprefix(prefix))
+        index = model.getJointId(joint.removeprefix(prefix))
         if rest.startswith("rpy"):
-            model.jointPlacements[at] = placement(bodies[joint])
+            model.jointPlacements[index] = placement(bodies[joint])
         elif rest.startswith("xyz"):
-            model.jointPlacements[at] = pin.SE3(model.jointPlacements[at].rotation, np.array(bodies[joint].xyz))
+            model.jointPlacements[index] = pin.SE3(model.jointPlacements[index].rotation, np.array(bodies[joint].xyz))
         else:
-            model.inertias[at] = body_inertia(bodies[joint]) or pin.Inertia.Zero()
+            model.inertias[index] = body_inertia(bodies[joint]) or pin.Inertia.Zero()
     return replace(imported, model=model)
 
 
 def as_body(model: pin.Model, joint: str) -> Body:
     """Return a joint and its child body as a table of a mechanism file."""
-    at = model.getJointId(joint)
-    placement, inertia = model.jointPlacements[at], model.inertias[at]
+    index = model.getJointId(joint)
+    placement, inertia = model.jointPlacements[index], model.inertias[index]
     tensor = inertia.inertia
     return Body(
         name=joint,
