@@ -132,12 +132,13 @@ class SignalJacobian:
             return self._fixed
         ny = self.trajectory.system.ny
         identity = np.eye(ny + self.trajectory.sensitivity.k + 1)
-        out = self.along(SignalPoint(self.trajectory, i, t, y, (identity[:ny], identity[ny:-1], identity[-1])))
+        point = SignalPoint(self.trajectory, i, t, y, (identity[:ny], identity[ny:-1], identity[-1]))
+        out = self.directional_derivatives(point)
         if self.fixed:
             self._fixed = out
         return out
 
-    def along(self, point: SignalPoint) -> Array:
+    def directional_derivatives(self, point: SignalPoint) -> Array:
         """Return the derivatives at a point in its m directions, (len(names), m).
 
         Raises:

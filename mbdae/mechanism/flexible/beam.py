@@ -106,8 +106,8 @@ def beam(  # noqa: PLR0913 - the properties of a beam
     body = ModalBody.of_points(r, masses, Phi, per_length * length * shapes.squares, damping, found, Phi2)
     if polar_moment:
         body.I0[0, 0] = density * polar_moment * length
-    along = [_node(shapes, (*grid.node(x, "end"), x), stiffening, young, fibre) for x in grid.x.tolist()]
-    return replace(body, outline=OutlinePoints.along(along))
+    outline = [_node(shapes, (*grid.node(x, "end"), x), stiffening, young, fibre) for x in grid.x.tolist()]
+    return replace(body, outline=OutlinePoints.of_beam(outline))
 
 
 def _require_numbers(values: Mapping[str, float], positive: bool = False) -> None:

@@ -45,7 +45,7 @@ class OutlinePoints:
     Phi2: Array | None = None
 
     @classmethod
-    def along(cls, nodes: Sequence[Node]) -> "OutlinePoints":
+    def of_beam(cls, nodes: Sequence[Node]) -> "OutlinePoints":
         """Return the outline of a beam from nodes along it."""
         second = [x.Phi2 for x in nodes if x.Phi2 is not None]
         r, Phi, Psi = (np.array([getattr(x, name) for x in nodes]) for name in ("r", "Phi", "Psi"))

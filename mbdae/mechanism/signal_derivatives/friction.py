@@ -33,9 +33,10 @@ def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
         slip, dslip = A @ V, np.einsum("ijm,j->im", dA, V) + A @ dV
         size = np.sqrt(lam @ lam)
         phi, psi = regularization_factors(float(np.sqrt(slip @ slip)), interface.force.width)
-        along = A.T @ slip
-        F += c * size * phi * along
-        dF += c * phi * np.outer(along, lam @ dlam / (size + TINY)) + c * size * psi * np.outer(along, slip @ dslip)
+        direction = A.T @ slip
+        F += c * size * phi * direction
+        dsize = lam @ dlam / (size + TINY)
+        dF += c * phi * np.outer(direction, dsize) + c * size * psi * np.outer(direction, slip @ dslip)
         dF += c * size * phi * (np.einsum("ijm,i->jm", dA, slip) + A.T @ dslip)
     for perturbed, p, dp in zip(parameters.perturbed_friction, parameters.all, motion.d.p, strict=True):
         found = {}

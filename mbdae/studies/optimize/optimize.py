@@ -187,7 +187,7 @@ class Problem:
         return (self.violation(evaluation) if len(self.history) > 1 else 0.0), evaluation.cost
 
     def value(self, z: Array, name: str = "") -> float:
-        """Return the cost or a constraint, over its magnitude."""
+        """Return the cost or a constraint, divided by its magnitude."""
         return self.evaluate(z)[name].value / self.magnitudes[name]
 
     def derivatives(self, z: Array, name: str = "") -> Array:

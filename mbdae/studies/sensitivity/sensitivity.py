@@ -92,7 +92,7 @@ class Sensitivity(Tabular):
         """
         require(name, str, "a signal is given by its name")
         jacobian = SignalJacobian(self.trajectory, [name])
-        return np.array([jacobian.along(point)[0] for point in self._points])
+        return np.array([jacobian.directional_derivatives(point)[0] for point in self._points])
 
     def to_columns(self) -> Columns:
         """Return derivatives of q in the tangent and of v over time, ``d(q.crank)/d(force.spring.stiffness)``."""

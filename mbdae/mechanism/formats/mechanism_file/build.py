@@ -51,9 +51,9 @@ def _with_flexible_bodies(
     """Return the model with flexible bodies, in depth-first order."""
     for x in tables:
         parent = find_frame(model, x.parent)
-        at = parent.placement * placement(x)
+        pose_in_joint = parent.placement * placement(x)
         joint = None if x.joint == "fixed" else _joint(x)
-        attach_flexible(model, x.name, modal_body_of(x), joint, parent.parentJoint, at)
+        attach_flexible(model, x.name, modal_body_of(x), joint, parent.parentJoint, pose_in_joint)
     if not tables:
         return model, visuals
     bodies = model.flexible
