@@ -21,7 +21,7 @@ struct TimeFunction {
   int degree = 0;            // degree of polynomials
   double period = 0, rise = 0;  // period of polynomials, and increase per period; 0: none
   int input = -1;               // input that sets this linear polynomial; -1: none
-  std::function<double(double t, int k)> call;  // Python
+  std::function<double(double t, int k)> call;  // Python function
 
   FIELDS(kind, a, b, degree, period, rise, input)
 

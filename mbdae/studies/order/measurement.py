@@ -186,10 +186,10 @@ class Measurement:
             samples = dict(zip(samples, previous, strict=True))
             samples = self._add_runs(tableau, [self.steps // stride], stride, samples)
             orders = self._observed_orders(tableau, samples, reference, uncertainty)
-        for parts in SUBDIVISIONS:
+        for intervals in SUBDIVISIONS:
             useful = max((count_above_floors(s.errors, s.floors) for s in orders if not s.is_conclusive), default=0)
-            between = self.between([*samples][:useful], parts, self.steps // stride)
-            ns = [n for n in between if n not in samples]
+            found = self.intermediate_steps([*samples][:useful], intervals, self.steps // stride)
+            ns = [n for n in found if n not in samples]
             samples = self._add_runs(tableau, ns, stride, samples)
             orders = self._observed_orders(tableau, samples, reference, uncertainty) if ns else orders
         return orders
@@ -216,12 +216,13 @@ class Measurement:
         new = {n: self.sample(sol, stride) for n, sol in runs.items() if sol is not None}
         return dict(sorted((samples | new).items()))
 
-    def between(self, ns: list[int], parts: int, outputs: int) -> list[int]:
+    def intermediate_steps(self, ns: list[int], intervals: int, outputs: int) -> list[int]:
         """Return numbers of steps between each of ns and its double, even multiples of the number of common times.
 
         Errors of own multipliers alternate from step to step where R(inf) = -1.
         """
-        new = [n + n * i // parts for n in ns for i in range(1, parts) if n * (parts + i) % (2 * parts * outputs) == 0]
+        m, even = intervals, 2 * intervals * outputs
+        new = [n + n * i // m for n in ns for i in range(1, m) if n * (m + i) % even == 0]
         return [n for n in new if n not in ns]
 
     def _observed_orders(

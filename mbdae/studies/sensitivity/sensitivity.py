@@ -274,7 +274,7 @@ def _at_time(trajectory: Trajectory, i: int, t: float, dy: Array, carry: Array, 
     if t == trajectory.ts[i]:
         return trajectory.ys[i], dy
     found = trajectory.core.tangent(trajectory.core.shortened_step(i, t), np.concatenate([dy, carry]).T, dp.T)
-    return trajectory.between(i, t), found[-1, :, : len(dy)].T
+    return trajectory.point_after(i, t), found[-1, :, : len(dy)].T
 
 
 def start_columns(trajectory: Trajectory) -> list[str]:
