@@ -169,9 +169,8 @@ class ModeChanges(EventSource):
         h = 0.0 if stepper.controls else abs(step.h)
         if ended := [g.guard for g in self.guards if g.guard.ends and g.guard.ends(at(0.0), h)]:
             return 0.0, ended
-        thetas = QUARTERS
-        if h and stepper.any_size:
-            thetas = resolving_samples(self.guards, interpolated_points(step, at), h)
+        interpolated = interpolated_points(step, at)
+        thetas = resolving_samples(self.guards, interpolated, h) if h and stepper.any_size else QUARTERS
         theta, fired = first_guard_root(self.guards, step, at, thetas)
         if not fired:
             for guard in self.guards:
