@@ -101,16 +101,16 @@ class RollingStiction(Switch):
         """Return whether steps of size h do not resolve the rotation of the slip, whose rate is friction / (m |v|)."""
         slip, acceleration = point.rate[self.no_slip], self._acceleration(point)
         speed = float(np.linalg.norm(slip))
-        across = acceleration - slip * (slip @ acceleration) / speed**2
-        if not h * np.linalg.norm(across) > MAX_ROTATION * speed:
+        transverse = acceleration - slip * (slip @ acceleration) / speed**2
+        if not h * np.linalg.norm(transverse) > MAX_ROTATION * speed:
             return False
         active = point.system.closure_friction.active
         active[self.friction_index] = False
         try:
-            without = self._acceleration(type(point)(point.system, point.all_rows, point.t, point.y))
+            frictionless = self._acceleration(type(point)(point.system, point.all_rows, point.t, point.y))
         finally:
             active[self.friction_index] = True
-        return h * float(np.linalg.norm(acceleration - without)) > STABLE * speed
+        return h * float(np.linalg.norm(acceleration - frictionless)) > STABLE * speed
 
     def _acceleration(self, point: "ModePoint") -> "Array":
         return np.array([point.acceleration(row) for row in self.no_slip])
