@@ -60,8 +60,8 @@ class OutlinePoints:
             Phi: their displacements, (n, 3, k).
         """
         extremes = np.concatenate([r.argmin(axis=0), r.argmax(axis=0), np.linalg.norm(Phi, axis=1).argmax(axis=0)])
-        at = np.unique(extremes)
-        return cls(r[at], Phi[at])
+        indices = np.unique(extremes)
+        return cls(r[indices], Phi[indices])
 
     @property
     def sections(self) -> list[Node]:

@@ -205,7 +205,6 @@ def _attributes(struct: Any, core: str) -> Any:
     return {name: _attributes(x, core) for name, x in found.items() if not callable(x) and name not in DERIVED}
 
 
-
 def output_data(mech: Mechanism, name: str, signal: SignalValue) -> CoreData:
     """Return the core data of an output.
 

@@ -158,9 +158,7 @@ def _contains(mech: Mechanism, curve: Kinematics, q: Array) -> bool:
     return False
 
 
-def _supported_equilibria(
-    contacts: Contacts, fixed: Array, curve: Kinematics, s0: Array
-) -> Iterator[ContactBalance]:
+def _supported_equilibria(contacts: Contacts, fixed: Array, curve: Kinematics, s0: Array) -> Iterator[ContactBalance]:
     """Yield the equilibria along a curve that a contact supports, at zeros of its gap, and the normal force."""
     mech = curve.mechanism
     for k in range(len(contacts.switches)):

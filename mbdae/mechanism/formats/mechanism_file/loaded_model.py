@@ -46,8 +46,10 @@ def parameter_value(template: Template, name: str) -> float:
     spec = template.spec({})
     given = {p["name"]: p["value"] for p in spec.parameters}
     if name in given and name not in template.parameters:
-        raise InputError(f"{name!r} is a parameter of {spec.name}, and a loaded mechanism has only its tables: "
-                         "give the file itself, model=")
+        raise InputError(
+            f"{name!r} is a parameter of {spec.name}, and a loaded mechanism has only its tables: "
+            "give the file itself, model="
+        )
     entry: Any = given.get(name, spec.file)
     if name not in given:
         template.check({name: 0.0})

@@ -136,9 +136,7 @@ class RollingStiction(Switch):
         if state == STICKING:
             ratio = lambda x: self.friction_ratio(x.lam)  # noqa: E731
             return (
-                Guard(
-                    "slip", self.name, self.index, self.margin, needs_multipliers=True, monitored_multiplier=ratio
-                ),
+                Guard("slip", self.name, self.index, self.margin, needs_multipliers=True, monitored_multiplier=ratio),
             )
         return (self.slip_guard(),) if state == SLIDING else ()
 
@@ -159,9 +157,7 @@ class RollingStiction(Switch):
         if size:
             point.system.closure_friction.directions[self.friction_index][:] = -lam[self.no_slip] / size
 
-    def next_state(
-        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool
-    ) -> int:
+    def next_state(self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool) -> int:
         if active:
             return STICKING
         if point.system.mode[self.index] == STICKING:
