@@ -79,7 +79,7 @@ class Index1System(Index2System):
 class Index1Chart(Index2Chart):
     """Step in coordinates (x, v, s, w) whose stages satisfy only the hidden constraint."""
 
-    def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:
+    def stage(self, t: float, x: Array, t_hat: float, xhat: Array, factor: float) -> tuple[Array, Array]:
         """Return (x', v', s', w') and lam of all rows, (ng,); ``that``, ``xhat`` and ``factor`` are not used."""
         s, nv = self.system, self.system.nv
         F, lam = s.derivative(t, s.add(self.y, x))

@@ -165,8 +165,8 @@ void GeneralStepSensitivity::forward(int directions, double* tangents, const dou
       if (dh) dxhat += ahat * steps_->F.row(j).transpose() * step_tangent.transpose();
     }
     b -= e.x.lazyProduct(dx) + e.xhat.lazyProduct(dxhat.topRows(2 * nv));
-    if (dh) b -= (a_.c[i] * e.t + a_.chat[i] * e.that) * step_tangent.transpose();
-    if (dt) b -= (e.t + e.that) * Eigen::Map<const Eigen::VectorXd>(dt, directions).transpose();
+    if (dh) b -= (a_.c[i] * e.t + a_.chat[i] * e.t_hat) * step_tangent.transpose();
+    if (dt) b -= (e.t + e.t_hat) * Eigen::Map<const Eigen::VectorXd>(dt, directions).transpose();
     if (a_.fully_implicit) {
       rhs.middleRows((i - first) * m, m) = b;
       continue;

@@ -30,7 +30,7 @@ void StageEquations::take(const double* y0, const StageValues& stage, const Inde
   k_ = position_rows_ ? static_cast<int>(position_rows_->in_use().size()) : 0;
   m_ = ny + r_ + (position_rows_ ? nv + k_ : 0);
   unknown_partials.setZero(m_, m_), x.setZero(m_, ny), xhat.setZero(m_, 2 * nv), y.setZero(m_, ny);
-  t.setZero(m_), that.setZero(m_);
+  t.setZero(m_), t_hat.setZero(m_);
   if (forward_) p.setZero(m_, static_cast<int>(parameters_.count()));
   for (LinearizationPoint* point : {&point_, &mu_point_}) point->constraint_points.clear(), point->wrenches.clear();
   constraints(y0, stage);
@@ -56,7 +56,7 @@ void StageEquations::take(const double* y0, const StageValues& stage, const Inde
 void StageEquations::constraints(const double* y0, const StageValues& stage) {
   const int nv = s_.nv, nq = s_.nq, ny = s_.ny;
   const bool requested = parameters_.frames_move();
-  LinearizationPoint::ConstraintPoint constrained{stage.that, Vector(nq), Vector(nv),
+  LinearizationPoint::ConstraintPoint constrained{stage.t_hat, Vector(nq), Vector(nv),
                                                   LinearizationPoint::ConstraintPoint::rate, 1};
   s_.manifold.integrate(y0, stage.xhat.data(), constrained.q.data());
   for (int i = 0; i < nv; ++i) constrained.v[i] = y0[nq + i] + stage.xhat[nv + i];
@@ -67,12 +67,12 @@ void StageEquations::constraints(const double* y0, const StageValues& stage) {
   s_.closure_partials(constrained.q.data(), constrained.v.data(), nullptr, nullptr, &Bhat_, nullptr,
                       requested ? &constrained.wrench_partials : nullptr);
   time_.assign(s_.ng, 0.0);
-  s_.constraints.evaluate_g_tt(stage.that, time_.data());
+  s_.constraints.evaluate_g_tt(stage.t_hat, time_.data());
   for (int k : s_.rows.in_use()) {
     const int i = s_.rows.position()[k];
     xhat.row(ny + i).head(nv) = ConstMatrixMap(&Bhat_[static_cast<size_t>(i) * nv], 1, nv);
     xhat.row(ny + i).tail(nv) = ConstMatrixMap(&G_[static_cast<size_t>(k) * nv], 1, nv);
-    that[ny + i] = time_[k];
+    t_hat[ny + i] = time_[k];
   }
   point_.constraint_points.push_back(std::move(constrained));
   if (forward_) {
@@ -83,14 +83,14 @@ void StageEquations::constraints(const double* y0, const StageValues& stage) {
   const LinearizationPoint::ConstraintPoint& constraint_point = point_.constraint_points[0];
   mu_point_.rows = position_rows_;
   mu_point_.constraint_points.push_back(
-      {stage.that, constraint_point.q, constraint_point.v, LinearizationPoint::ConstraintPoint::g, 1});
+      {stage.t_hat, constraint_point.q, constraint_point.v, LinearizationPoint::ConstraintPoint::g, 1});
   time_.assign(s_.ng, 0.0);
-  s_.constraints.evaluate_g_t(stage.that, time_.data());
+  s_.constraints.evaluate_g_t(stage.t_hat, time_.data());
   const int first = ny + r_ + nv;
   for (int k : position_rows_->in_use()) {
     const int i = first + position_rows_->position()[k];
     xhat.row(i).head(nv) = ConstMatrixMap(&G_[static_cast<size_t>(k) * nv], 1, nv);
-    that[i] = time_[k];
+    t_hat[i] = time_[k];
   }
   if (!forward_) return;
   parameters_.rows(mu_point_, Q_, constraint_point.q);

@@ -23,7 +23,7 @@ class StepSensitivity final : public HalfExplicitStep, public StepMap {
   void reverse(int costs, double* cotangents) override;
 
  private:
-  void record_stage(int stage, double t, double that, double factor, const double* F);
+  void record_stage(int stage, double t, double t_hat, double factor, const double* F);
 
   ParameterPartials* parameters_;
   const bool forward_;

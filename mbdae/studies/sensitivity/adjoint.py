@@ -48,7 +48,7 @@ class NodeCotangents:
         """Return the cotangents of nodes i, ..., j - 1, (j - i, costs, ny + nc), and of the parameters, (costs, k)."""
         sensitivity, costs, times = self.trajectory.sensitivity, len(self.weights), self._times(i, j)
         out, p = np.zeros((j - i, costs, sensitivity.ny + self.trajectory.n_carry)), np.zeros((costs, sensitivity.k))
-        if self.signals.fixed and len(times):  # the same matrix at all nodes
+        if self.signals.is_constant and len(times):  # the same matrix at all nodes
             by_y = self.signals.rows(i, float(self.t[times[0]]), self.points[times[0]])[:, : sensitivity.ny]
             common, times = times[self.at_nodes[times]], times[~self.at_nodes[times]]
             found = np.einsum("cnm,nd->mcd", self.weights[..., common], by_y)
