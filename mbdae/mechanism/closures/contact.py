@@ -22,7 +22,7 @@ from ...errors import StepError
 from ...system import Array
 from ...tolerances import PARALLEL, ROUNDING
 from ..tree.frames import Pair, cross
-from .line_rows import LineRows, Lines, unit_vector, with_zero_velocity
+from .line_rows import LineRows, Lines, unit, with_zero_velocity
 from .rows import axis_rates, inner, point_velocity_column
 
 
@@ -93,7 +93,7 @@ class ConvexBody:
             ds, along = axis_rates(pair.Vb, s), inner(n, s)
             m = n - along * s
             _require_not_flat(m)
-            u, du = unit_vector(m, dn - (inner(dn, s) + inner(n, ds)) * s - along * ds)
+            u, du = unit(m, dn - (inner(dn, s) + inner(n, ds)) * s - along * ds)
             p, dp = p - self.rim * u, dp - self.rim * du
         return ContactKinematics(n, p, dn, dp)
 
@@ -110,7 +110,7 @@ class ConvexBody:
         if not inner(d, d):
             where = "at the centre of its sphere" if self.surface == "sphere" else "on the axis of its cylinder"
             raise StepError("singular", f"the centre of a rolling body is {where}: the surface has no normal there")
-        n, dn = unit_vector(d, dd)
+        n, dn = unit(d, dd)
         return (n, dn) if self.surface_radius > 0 else (-n, -dn)
 
     def height(self, pair: Pair) -> float:
@@ -133,17 +133,17 @@ class ConvexBody:
             s = self.axis(pair)
             forward, rate = cross_with_rate(s, axis_rates(pair.Vb, s), n, dn)
             _require_not_flat(forward)
-            return unit_vector(forward, rate)
+            return unit(forward, rate)
         x, z = pair.Ra[:, :1], pair.Ra[:, 2:]
         if self.surface == "plane":
             return x, axis_rates(pair.Va, x)
         dx, dz = axis_rates(pair.Va, x), axis_rates(pair.Va, z)
         if self.surface == "cylinder":
-            return unit_vector(*cross_with_rate(z, dz, n, dn))
+            return unit(*cross_with_rate(z, dz, n, dn))
         w = n + z
         if not np.sqrt(inner(w, w)).real > PARALLEL:
-            return unit_vector(*cross_with_rate(x, dx, n, dn))
-        u, du = unit_vector(w, dn + dz)
+            return unit(*cross_with_rate(x, dx, n, dn))
+        u, du = unit(w, dn + dz)
         along, change = inner(u, x), inner(du, x) + inner(u, dx)
         return x - 2.0 * along * u, dx - 2.0 * (change * u + along * du)
 

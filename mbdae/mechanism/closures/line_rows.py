@@ -87,7 +87,7 @@ def with_zero_velocity(pair: Pair) -> Pair:
     return out
 
 
-def unit_vector(x: Array, dx: Array) -> tuple[Array, Array]:
+def unit(x: Array, dx: Array) -> tuple[Array, Array]:
     """Return x/|x| and its rate, for a column x (3, 1) and its rate; supports complex steps."""
     size = np.sqrt(inner(x, x))
     e = x / size

@@ -13,7 +13,7 @@ from ...key_units import Unit
 from ...tree.frames import Pair, cross
 from ..closure import Axis, Z
 from ..fixed_axes import FixedAxisClosure
-from ..line_rows import LineRows, Lines, unit_vector
+from ..line_rows import LineRows, Lines, unit
 from ..rows import axis_rates, inner, point_velocity_column, unit_axis
 
 Radii = tuple[float, float]
@@ -96,7 +96,7 @@ class Bevel(LineRows):
         across = cross(ka, kb)
         if not np.sqrt(inner(across, across)).real > PARALLEL:
             raise StepError("singular", "its axes are parallel: use kind 'gear'")
-        e, de = unit_vector(across, cross(dka, kb) + cross(ka, dkb))
+        e, de = unit(across, cross(dka, kb) + cross(ka, dkb))
         n = np.hstack([cross(e, ka), cross(kb, e), e])
         dn = np.hstack([cross(de, ka) + cross(e, dka), cross(dkb, e) + cross(kb, de), de])
         at, va = np.column_stack([pair.pa, pair.pb, pair.pa]), point_velocity_column(pair.Va, pair.pa)

@@ -13,7 +13,7 @@ from ...key_units import Unit
 from ...tree.frames import Pair, cross
 from ..closure import Axis, Z
 from ..fixed_axes import FixedAxisClosure
-from ..line_rows import LineRows, Lines, unit_vector
+from ..line_rows import LineRows, Lines, unit
 from ..rows import axis_rates, point_velocity_column, unit_axis
 
 Radii = tuple[float, float]
@@ -80,5 +80,5 @@ class Gear(LineRows):
         k = pair.Ra.dot(self.axis)
         if not (along := cross(k, d)).any():
             raise StepError("singular", "the axes of its wheels coincide: they have no line of centres")
-        e, de = unit_vector(along, cross(axis_rates(pair.Va, k), d) + cross(k, dd))
+        e, de = unit(along, cross(axis_rates(pair.Va, k), d) + cross(k, dd))
         return Lines(e, pa + self.fraction * d, de, va + self.fraction * dd)
