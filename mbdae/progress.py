@@ -47,23 +47,26 @@ def progress_bar(label: str, total: float | None = 1.0) -> Iterator[Report]:
         task = bar.add_task(label, total=total)
 
         def report(value: Any, name: str | None = None) -> None:
-            text, done = _text_and_fraction(value, name)
-            bar.update(task, description=text, completed=done)
+            text, fraction = _text_and_fraction(value, name)
+            bar.update(task, description=text, completed=fraction)
 
         yield report
 
 
 def _one_line(label: str) -> Report:
     """Return a report function that prints the remaining time once on stderr if it is long."""
-    started, reported = monotonic(), False
+    start, reported = monotonic(), False
 
     def report(value: Any, name: str | None = None) -> None:
         nonlocal reported
-        done, elapsed = _text_and_fraction(value, name)[1], monotonic() - started
-        if reported or not done or elapsed < REPORT_AFTER or (left := elapsed * (1 / done - 1)) < MIN_REMAINING:
+        fraction, elapsed = _text_and_fraction(value, name)[1], monotonic() - start
+        if reported or not fraction or elapsed < REPORT_AFTER:
+            return
+        remaining = elapsed * (1 / fraction - 1)
+        if remaining < MIN_REMAINING:
             return
         reported = True
-        sys.stderr.write(f"{label}: {100 * done:.2g} % after {elapsed:.0f} s, about {left:.2g} s are left\n")
+        sys.stderr.write(f"{label}: {100 * fraction:.2g} % after {elapsed:.0f} s, about {remaining:.2g} s are left\n")
 
     return report
 
@@ -78,11 +81,11 @@ def _in_notebook(label: str) -> Iterator[Report]:
 
     def report(value: Any, name: str | None = None) -> None:
         nonlocal text, updated
-        new_text, done = _text_and_fraction(value, name)
+        new_text, fraction = _text_and_fraction(value, name)
         text = text if new_text is None else new_text
         if monotonic() - updated >= UPDATE_INTERVAL:
             updated = monotonic()
-            handle.update(HTML(_bar(text, done)))
+            handle.update(HTML(_bar(text, fraction)))
 
     try:
         yield report
@@ -95,6 +98,6 @@ def _text_and_fraction(value: float | str | None, name: str | None) -> tuple[str
     return (value, None) if isinstance(value, str) else (name, value)
 
 
-def _bar(text: str, done: float | None) -> str:
-    value = "" if done is None else f' value="{done:.4f}"'
+def _bar(text: str, fraction: float | None) -> str:
+    value = "" if fraction is None else f' value="{fraction:.4f}"'
     return f"<progress{value}></progress> {escape(text)}"

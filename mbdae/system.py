@@ -94,8 +94,8 @@ class Chart(Protocol):
     def first(self, carry: Any) -> tuple[Array, Array]:
         """Return (x', z) of the explicit first stage, at x = 0."""
 
-    def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:
-        """Return (x', z) at (t, y_n (+) x), with z such that g(that, y_n (+) (xhat + factor x')) = 0."""
+    def stage(self, t: float, x: Array, t_hat: float, xhat: Array, factor: float) -> tuple[Array, Array]:
+        """Return (x', z) at (t, y_n (+) x), with z such that g(t_hat, y_n (+) (xhat + factor x')) = 0."""
 
     def point(self, x: Array) -> Array:
         """Return y_n (+) x, (n,)."""

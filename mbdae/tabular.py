@@ -210,7 +210,7 @@ def write_csv(columns: Mapping[str, Any], path: str | Path) -> None:
     """Write columns of equal length as comma-separated values; an (n, k) column is split into k columns, from 0."""
     flat: dict[str, Any] = {}
     for name, x in columns.items():
-        flat |= {name: x} if np.ndim(x) < 2 else {f"{name}[{i}]": part for i, part in enumerate(np.asarray(x).T)}
+        flat |= {name: x} if np.ndim(x) < 2 else {f"{name}[{i}]": column for i, column in enumerate(np.asarray(x).T)}
     with atomic_write(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         out = csv.writer(file, lineterminator="\n")
         out.writerow(flat)

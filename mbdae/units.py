@@ -207,7 +207,7 @@ def displayed(x: Any, unit: str) -> tuple[Any, str]:
 
 
 def unit_name(unit: str) -> str:
-    """Return the name of the unit in which values in a unit in SI are shown."""
+    """Return the name of the unit in which values with an SI unit are shown."""
     return _shown.get().name(unit) if _shown.get().chosen else unit
 
 

@@ -1,4 +1,4 @@
-"""Which methods need the fewest linear solves on how many models, from the atlas of all models.
+"""Which methods need the fewest linear solves on how many models, from the benchmark `mbdae atlas`.
 
 `atlas.json` is written by ``mbdae atlas --data atlas.jsonl -o examples/benchmarks/atlas.json``, which resumes; the
 same command with ``-o atlas.html`` writes the page. Linear solves repeat to a few in ten thousand. Where even the

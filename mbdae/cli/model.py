@@ -17,9 +17,13 @@ if TYPE_CHECKING:
     from ..solution.solution import Problem
 
 start_option = click.option(
-    "--start", "started", multiple=True, metavar="q.JOINT=X", help="A start value: q, v, guess or guess_v of a joint."
+    "--start",
+    "start_values",
+    multiple=True,
+    metavar="q.JOINT=X",
+    help="A start value: q, v, guess or guess_v of a joint.",
 )
-set_option = click.option("--set", "chosen", multiple=True, metavar="NAME=X", help="A parameter of the model.")
+set_option = click.option("--set", "settings", multiple=True, metavar="NAME=X", help="A parameter of the model.")
 
 
 @dataclass(frozen=True)
@@ -73,18 +77,18 @@ class ChosenModel:
         return self.load() if self.start else self.name
 
 
-def chosen_model(name: str, started: tuple[str, ...], chosen: tuple[str, ...]) -> ChosenModel:
+def chosen_model(name: str, start_values: tuple[str, ...], settings: tuple[str, ...]) -> ChosenModel:
     """Parse the model arguments.
 
     Raises:
         InputError: for text that is not name=value.
     """
-    for text in chosen:
+    for text in settings:
         key, equals, value = text.partition("=")
         if not (key and equals and value):
             raise InputError(f"--set takes name=value, got {text!r}")
         name += f"{'&' if '?' in name else '?'}{text}"
-    start = values_by_name(started, "--start")
+    start = values_by_name(start_values, "--start")
     from ..mechanism.formats.mechanism_file.template import START
 
     return ChosenModel(name, {START + key: x for key, x in start.items()})
@@ -97,8 +101,8 @@ def model_argument(command: Callable[..., Any], names: Callable[[], list[str]] =
     @start_option
     @set_option
     @wraps(command)
-    def inner(model: str, started: tuple[str, ...], chosen: tuple[str, ...], **options: Any) -> Any:
-        return command(model=chosen_model(model, started, chosen), **options)
+    def inner(model: str, start_values: tuple[str, ...], settings: tuple[str, ...], **options: Any) -> Any:
+        return command(model=chosen_model(model, start_values, settings), **options)
 
     return inner
 

@@ -135,8 +135,8 @@ class Inputs:
         """Return the settings of inputs by FMUs, from the nodes t (n,) of a run and its points y (n, ...)."""
         history: dict[str, list[InputSetting]] = {name: [] for name in self.fmu_inputs}
         states = y[:, self.mechanism.nq + self.mechanism.nv : -1]
-        for law, at in self._laws.bound if history else ():
-            s = states[:, at]
+        for law, span in self._laws.bound if history else ():
+            s = states[:, span]
             changed = np.flatnonzero((s[1:] != s[:-1]).any(axis=1)) + 1
             for i in (0, *changed.tolist()) if law.external else ():
                 for name, x in law.input_settings(s[i]).items():

@@ -105,8 +105,8 @@ def model_to_data(model: pin.Model) -> JsonObject:
         "gravity": model.gravity.vector.tolist(),
         "ground": _inertia(model.inertias[0]),
         "joints": [
-            {"name": n, "parent": int(p), "place": _placement(at), "joint": _joint(j), "inertia": _inertia(y)}
-            for n, p, at, j, y in list(joints)[1:]
+            {"name": n, "parent": int(p), "place": _placement(x), "joint": _joint(j), "inertia": _inertia(y)}
+            for n, p, x, j, y in list(joints)[1:]
         ],
         "frames": [
             {
@@ -146,14 +146,14 @@ def model_from_data(data: Mapping[str, object]) -> pin.Model:
 
 
 def _add_joints(model: pin.Model, joints: Sequence[_Link]) -> None:
-    for number, x in enumerate(joints, 1):
-        if x.parent >= number:
+    for index, x in enumerate(joints, 1):
+        if x.parent >= index:
             raise InputError(f"model: joint {x.name!r} has parent joint {x.parent}, which does not precede it")
         if model.existJointName(x.name):
             raise InputError(f"model: two joints are called {x.name!r}")
         owner = f"joint {x.name!r}"
         model.addJoint(x.parent, _joint_from_data(x.joint, owner), _placement_from_data(x.place, owner), x.name)
-        model.inertias[number] = _inertia_from_data(x.inertia, owner)
+        model.inertias[index] = _inertia_from_data(x.inertia, owner)
 
 
 def _add_frames(model: pin.Model, frames: Sequence[_Frame]) -> None:
@@ -249,8 +249,8 @@ def _composite_from_data(x: _Joint, owner: str) -> pin.JointModel:
     if not x.parts or len(x.parts) != len(x.places):
         raise InputError(f"model: {owner} is composed of {len(x.parts)} joints and {len(x.places)} placements")
     joint = pin.JointModelComposite(len(x.parts))
-    for factor, placement in zip(x.parts, x.places, strict=True):
-        joint.addJoint(_joint_from_data(factor, owner), _placement_from_data(placement, owner))
+    for part, placement in zip(x.parts, x.places, strict=True):
+        joint.addJoint(_joint_from_data(part, owner), _placement_from_data(placement, owner))
     return joint
 
 

@@ -130,13 +130,13 @@ def coordinates(model: pin.Model, table: Mapping[str, object], *, of_v: bool = F
     out = np.zeros(model.nv) if of_v else pin.neutral(model)
     for name, value in table.items():
         j = find_joint(model, name)
-        n, at = (j.nv, j.idx_v) if of_v else (j.nq, j.idx_q)
+        n, first = (j.nv, j.idx_v) if of_v else (j.nq, j.idx_q)
         values = np.atleast_1d(as_numbers(value))
         if not of_v and (j.nq, j.nv) == (2, 1) and len(values) == 1:
             values = np.array([np.cos(values[0]), np.sin(values[0])])
         if values.shape != (n,) or not np.isfinite(values).all():
             raise InputError(f"joint {name!r} takes {_expected_values(model, name, of_v)}, got {value!r}")
-        out[at : at + n] = values
+        out[first : first + n] = values
         if not of_v and normalized_or_none(model, out) is None:
             raise InputError(f"joint {name!r}: {value!r} is not a rotation: its quaternion, or cosine and sine, vanish")
     return out if of_v else pin.normalize(model, out), tangent_indices(model, table)

@@ -35,7 +35,7 @@ HEADERS: dict[tuple[int, int], Callable[..., Any]] = {
 FORMAT = 2  # format 1 contained Pinocchio's archives, which are not safe to read
 SUFFIXES = (".npz", ".csv")
 ARRAYS = ("t", "y", "z_own", "steps_t", "steps_y", "steps_z")  # in addition to the arrays of events
-LARGEST_TEXT = 2**27  # bytes of the metadata of a file, four per character
+MAX_TEXT = 2**27  # bytes of the metadata of a file, four per character
 LARGE, MAX_COMPRESSION = 2**28, 100  # bytes: smaller arrays are always read, larger ones up to this compression ratio
 DAMAGE = (
     OSError, ValueError, LookupError, ArithmeticError, EOFError, TypeError, AttributeError, RuntimeError, MemoryError,
@@ -178,8 +178,8 @@ def _sizes(path: str | Path) -> tuple[dict[str, Shape], dict[str, Any]]:
     with ZipFile(path) as file:
         headers = {x.filename.removesuffix(".npy"): _header(file, x) for x in file.infolist()}
     shape, kind = headers.pop("meta")
-    if shape or kind.kind != "U" or kind.itemsize > LARGEST_TEXT:
-        raise ValueError(f"its metadata are not a text of at most {LARGEST_TEXT // 4} characters")
+    if shape or kind.kind != "U" or kind.itemsize > MAX_TEXT:
+        raise ValueError(f"its metadata are not a text of at most {MAX_TEXT // 4} characters")
     meta = json.loads(str(_arrays(path, ["meta"])["meta"]))
     if not {"format", "versions"} <= meta.keys() or not isinstance(meta["versions"]["mbdae"], str):
         raise ValueError("its format or version is missing")

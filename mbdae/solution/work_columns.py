@@ -39,8 +39,8 @@ class StepIntegrals(NamedTuple):
         """Return the integrals at times (m,) within steps (m,), (k, m)."""
         h = self.t[steps + 1] - self.t[steps]
         x = np.divide(2 * (times - self.t[steps]), h, out=np.zeros(len(times)), where=h != 0) - 1
-        powers = np.polynomial.chebyshev.chebvander(x, self.series.shape[2] - 1)
-        return self.starts[:, steps] + np.einsum("kmi,mi->km", self.series[:, steps], powers)
+        polynomials = np.polynomial.chebyshev.chebvander(x, self.series.shape[2] - 1)
+        return self.starts[:, steps] + np.einsum("kmi,mi->km", self.series[:, steps], polynomials)
 
 
 def elements_with_power(mech: "Mechanism") -> list[str]:
@@ -110,11 +110,11 @@ def integrate_steps(sol: "Solution", names: list[str]) -> StepIntegrals:
 
     t = np.asarray(sol.nodes[0], float)
     n = max(len(t) - 1, 0)
-    series, width = np.zeros((len(names), n, 1)), 1
-    for steps, powers in resolved_series(sol, names):
-        integral = 0.5 * np.diff(t)[steps][:, None] * np.polynomial.chebyshev.chebint(powers, lbnd=-1, axis=2)
-        width = max(width, integral.shape[2])
-        series = np.pad(series, ((0, 0), (0, 0), (0, width - series.shape[2])))
+    series, terms = np.zeros((len(names), n, 1)), 1
+    for steps, coefficients in resolved_series(sol, names):
+        integral = 0.5 * np.diff(t)[steps][:, None] * np.polynomial.chebyshev.chebint(coefficients, lbnd=-1, axis=2)
+        terms = max(terms, integral.shape[2])
+        series = np.pad(series, ((0, 0), (0, 0), (0, terms - series.shape[2])))
         series[:, steps, : integral.shape[2]] = integral
     ends = series.sum(axis=2)  # at x = 1, where all polynomials are 1
     return StepIntegrals(t, np.concatenate([np.zeros((len(names), 1)), np.cumsum(ends, axis=1)], axis=1), series)

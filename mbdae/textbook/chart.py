@@ -59,14 +59,14 @@ class HessenbergChart:
         self.z = carry[1]
         return carry
 
-    def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:
-        """Return (y', z) with g(that, y_n + xhat + factor y') = 0, by Newton's method from the last z."""
+    def stage(self, t: float, x: Array, t_hat: float, xhat: Array, factor: float) -> tuple[Array, Array]:
+        """Return (y', z) with g(t_hat, y_n + xhat + factor y') = 0, by Newton's method from the last z."""
         s, y, base = self.system, self.y + x, self.y + xhat
 
         def constraint(F: Array) -> Array:
-            return s.g(that, base + factor * F)
+            return s.g(t_hat, base + factor * F)
 
-        z = s.solve(t, y, constraint, lambda F: s.g_y(that, base + factor * F), factor, self.z)
+        z = s.solve(t, y, constraint, lambda F: s.g_y(t_hat, base + factor * F), factor, self.z)
         self.z, self.last = z, (t, y, z)
         return s.f(t, y, z), z
 

@@ -44,11 +44,11 @@ def parameters(template):
         found = [x for entry in getattr(spec.file, table) for x in numbers(entry, f"{table}.{entry.name}")]
         for name, x in found[:: max(1, len(found) // OF_EACH)]:
             out[name] = x * 1.01 + (1e-3 if x == 0 else 0)
-    for source, part in zip(spec.file.source, spec.parts, strict=True):
-        for joint in joint_names(part.model)[:2]:
-            at = part.model.getJointId(joint)
-            out[f"joint.{source.prefix}{joint}.mass"] = 1.02 * part.model.inertias[at].mass
-            out[f"joint.{source.prefix}{joint}.xyz.0"] = part.model.jointPlacements[at].translation[0] + 1e-3
+    for source, imported in zip(spec.file.source, spec.models, strict=True):
+        for joint in joint_names(imported.model)[:2]:
+            at = imported.model.getJointId(joint)
+            out[f"joint.{source.prefix}{joint}.mass"] = 1.02 * imported.model.inertias[at].mass
+            out[f"joint.{source.prefix}{joint}.xyz.0"] = imported.model.jointPlacements[at].translation[0] + 1e-3
             out[f"joint.{source.prefix}{joint}.rpy.2"] = 1e-2
     return out
 
@@ -56,13 +56,13 @@ def parameters(template):
 def new_mechanism(template, values):
     """The mechanism of the files with other values, which shares nothing."""
     spec = template.spec({})
-    file, parts = spec.file, spec.parts
+    file, models = spec.file, spec.models
     joints = {name.removeprefix("joint."): x for name, x in values.items() if name.startswith("joint.")}
     if joints:
-        parts = [_with_joint_values(p, s.prefix, joints) for p, s in zip(parts, file.source, strict=True)]
+        models = [_with_joint_values(m, s.prefix, joints) for m, s in zip(models, file.source, strict=True)]
     for name in values.keys() - {f"joint.{name}" for name in joints}:
         file = with_entry(file, name, values[name], name)
-    return make(spec._replace(file=file, parts=parts), recorded=False)
+    return make(spec._replace(file=file, models=models), recorded=False)
 
 
 def terms(mech, native, fresh=False):

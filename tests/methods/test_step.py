@@ -33,8 +33,8 @@ class Probe(System):
         self.stages.append(None)
         return carry, np.array([-1.0])
 
-    def stage(self, t, x, that, xhat, factor):
-        self.stages.append((t, x.copy(), that, xhat.copy(), factor))
+    def stage(self, t, x, t_hat, xhat, factor):
+        self.stages.append((t, x.copy(), t_hat, xhat.copy(), factor))
         return np.eye(self.ny)[len(self.stages) - 1], np.array([float(len(self.stages))])
 
     def point(self, x):
@@ -186,7 +186,7 @@ def test_the_error_estimate_has_the_order_it_is_used_with(name):
 class Sum(Probe):
     """q' = 1 in one stage or more: the rounding error of a step is known."""
 
-    def stage(self, t, x, that, xhat, factor):
+    def stage(self, t, x, t_hat, xhat, factor):
         return np.ones(self.ny), np.zeros(1)
 
     def rounding_loss(self, y0, x, y1):

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ...mechanism.hybrid.switch import Switch
     from ...mechanism.hybrid.switches import Mode
 
-MAX_TRANSITIONS = 100  # per switch, plus one: more transitions within a rest time are chattering
+MAX_TRANSITIONS = 100  # times the number of switches plus one: more transitions within a rest time are chattering
 
 
 class Chattering:

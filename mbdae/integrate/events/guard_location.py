@@ -35,8 +35,8 @@ class TrackedGuard:
         size: largest magnitude so far.
         level: value at which the guard ends the mode: 0; until the guard becomes positive, its initial value if that is
             negative by rounding.
-        return_time: time of the next contact of a row after an impact, predicted from speed and acceleration; nan if it
-            does not.
+        return_time: time shortly after the next contact of a row after an impact, predicted from speed and
+            acceleration; nan if none is predicted.
     """
 
     def __init__(self, guard: Guard, point: "ModePoint") -> None:
@@ -78,7 +78,7 @@ class TrackedGuard:
 
 
 def guard_unit(guard: Guard, point: "ModePoint") -> float:
-    """Return the typical size of a guard: a length or angle, a speed, the largest force."""
+    """Return the typical size of a guard: a length or angle, a speed, 1 for a command, or the largest force."""
     mech = point.system.mechanism
     rows = mech.switches[guard.switch].rows
     scale = float(mech.row_scales[rows[0]]) if rows else 1.0
@@ -149,17 +149,18 @@ def _lowest_fraction(tracked: TrackedGuard, step: "StepMap", at: PointAt) -> flo
     if not r1 > 0:
         return None
     b, c, m0 = 3 * (f1 - f0) - h * (2 * r0 + r1), 2 * (f0 - f1) + h * (r0 + r1), h * r0
-    square = b * b - 3 * c * m0
-    if r0 >= 0 and not (b < 0 < c and square > 0 and -b < 3 * c):  # the cubic does not fall, or not within the step
+    discriminant = b * b - 3 * c * m0
+    falls = b < 0 < c and discriminant > 0 and -b < 3 * c  # the cubic falls within the step
+    if r0 >= 0 and not falls:
         return None
-    root = np.sqrt(max(0.0, square))
+    root = np.sqrt(max(0.0, discriminant))
     x = -m0 / (b + root) if b >= 0 else (root - b) / (3 * c)  # root of m0 + 2 b x + 3 c x^2, where it rises
     if f0 + x * (m0 + x * (b + x * c)) > GRAZING * min(f0, f1):
         return None
-    falling = 0.0 if r0 < 0 else -b / (3 * c)  # theta of the steepest descent of the cubic
-    if not rate(at(falling)) < 0:
+    falling_point = 0.0 if r0 < 0 else -b / (3 * c)  # theta of the steepest descent of the cubic
+    if not rate(at(falling_point)) < 0:
         return None
-    theta = brentq(lambda x: rate(at(x)), falling, 1.0, xtol=COINCIDENT, rtol=COINCIDENT, maxiter=MAX_ITERATIONS)
+    theta = brentq(lambda x: rate(at(x)), falling_point, 1.0, xtol=COINCIDENT, rtol=COINCIDENT, maxiter=MAX_ITERATIONS)
     return float(theta) if tracked.value(at(float(theta))) < -tracked.rounding else None
 
 

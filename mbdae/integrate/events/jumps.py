@@ -170,7 +170,7 @@ def _knots(run: "RunState", t0: float, t1: float) -> Sequence[float]:
     """Return the knots of forces and motions between two times if the run has modes: multipliers have extrema there."""
     if not (system := run.mechanism_system) or not system.mechanism.switches:
         return ()
-    laws = (signal for law, _ in system.laws.bound for signal in law.signals)
+    laws = (u for law, _ in system.laws.bound for u in law.time_functions)
     motions = (d.path for d in run.problem.drivers)
     commands = (clutch.engaged for clutch in system.mechanism.clutches if clutch.engaged)
     return [t for signal in (*laws, *motions, *commands) for t in signal.knots_between(t0, t1)]

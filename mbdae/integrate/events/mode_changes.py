@@ -28,7 +28,7 @@ from .multiplier_resolution import (
     interpolated_points,
     multipliers_after_short_step,
     resolution_error,
-    resolving_step,
+    resolving_samples,
     shortest_step,
 )
 from .singularity_crossing import POSITION_ACCURACY
@@ -169,7 +169,8 @@ class ModeChanges(EventSource):
         h = 0.0 if stepper.controls else abs(step.h)
         if ended := [g.guard for g in self.guards if g.guard.ends and g.guard.ends(at(0.0), h)]:
             return 0.0, ended
-        thetas = resolving_step(self.guards, interpolated_points(step, at), h) if h and stepper.any_size else QUARTERS
+        interpolated = interpolated_points(step, at)
+        thetas = resolving_samples(self.guards, interpolated, h) if h and stepper.any_size else QUARTERS
         theta, fired = first_guard_root(self.guards, step, at, thetas)
         if not fired:
             for guard in self.guards:

@@ -51,12 +51,12 @@ def interpolated_points(step: "StepMap", at: PointAt) -> PointAt:
         return hermite.fit([(np.zeros_like(displacement), displacement), rates], np.empty((0, len(displacement))))
 
     @cache
-    def between(theta: float) -> ModePoint:
+    def interpolated(theta: float) -> ModePoint:
         start = at(0.0)
         y = start.system.add(start.y, hermite.powers(theta, 3) @ cubic())
         return ModePoint(start.system, start.all_rows, step.t + theta * step.h, y)
 
-    return lambda theta: between(theta) if 0 < theta < 1 else at(theta)
+    return lambda theta: interpolated(theta) if 0 < theta < 1 else at(theta)
 
 
 def shortest_step(run: "RunState") -> float:
@@ -91,7 +91,7 @@ def resolution_error(guards: Sequence["TrackedGuard"], at: PointAt, thetas: Arra
     return worst
 
 
-def resolving_step(guards: Sequence["TrackedGuard"], at: PointAt, step_size: float) -> Array:
+def resolving_samples(guards: Sequence["TrackedGuard"], at: PointAt, step_size: float) -> Array:
     """Return the values of theta at which multipliers are sampled in a step of fixed size: enough to resolve them."""
     thetas = QUARTERS
     with suppress(StepError):

@@ -167,7 +167,7 @@ def solve_in_core(run: RunState, y: Array, stop: Array, parameters: RunParameter
     core.max_steps = options.max_steps or UNLIMITED
     detects_stiffness = control and isinstance(options.method, Tableau)
     if system.ns:  # controllers may sample at the start
-        y = np.array([run.jumps.adjust_point(run, at) for at in y])
+        y = np.array([run.jumps.adjust_point(run, point) for point in y])
     start = system.run_start(smallest_step(run.t, run.t1), FIRST_CHECK - 1 if detects_stiffness else UNLIMITED)
     first = native.FirstStep(**control.first_step_data(run)) if control and control.h is None else None
     method, parameters = system.method(options.method), parameters or RunParameters()

@@ -40,7 +40,7 @@ class Vibrations(NamedTuple):
         modes: elastic modes at the first node.
         names: labels with the frequencies at the first node, (m,).
         nodes: indices of the nodes, (n,).
-        rates: velocity amplitudes of the oscillation, (n, m), in m sqrt(kg)/s.
+        amplitudes: velocity amplitudes of the oscillation, (n, m), in m sqrt(kg)/s.
         largest: largest velocity amplitude or modal velocity over the nodes, (m,).
         tolerance: tolerance of velocity amplitudes.
         errors: errors of velocity amplitudes that step-size control allows, (m,), so that the method may excite them.
@@ -49,7 +49,7 @@ class Vibrations(NamedTuple):
     modes: ElasticModes
     names: Array
     nodes: Array
-    rates: Array
+    amplitudes: Array
     largest: Array
     tolerance: float
     errors: Array
@@ -90,7 +90,7 @@ def limiting_vibration(sol: Solution, vibrations: Vibrations) -> str:
     if "step" in sol.settings:
         return ""
     w, ratios, h = vibrations.modes.frequencies, vibrations.modes.ratios, np.abs(np.diff(sol.nodes[0]))
-    excited = vibrations.rates.max(axis=0) > vibrations.tolerance
+    excited = vibrations.amplitudes.max(axis=0) > vibrations.tolerance
     limits = excited & (h.mean() * w > MIN_LIMITING) & (ratios < MAX_DAMPING)
     return f"steps limited by {vibrations.names[limits][-1]}; damp or drop it" if limits.any() else ""
 
@@ -109,14 +109,14 @@ def find_vibrations(sol: Solution) -> Vibrations | None:
         kinetic = max(system.energy(*system.split(ys[i]))[0] for i in nodes)
     except StepError:
         return None
-    velocity_indices = system.nq + modes.at
+    velocity_indices = system.nq + modes.iv
     deflections, speeds = (np.abs(ys[:, i] @ modes.rows.T).max(axis=0) for i in (modes.iq, velocity_indices))
     largest = np.maximum(rates.max(axis=0), speeds)  # at rest the deflections have the tolerance
     relative = VISIBLE if "step" in sol.settings else min(sol.settings["rtol"], COARSE)
     rounding = RATE_ROUNDING * np.sqrt(2 * kinetic)
     tolerance = max(relative * np.maximum(largest, w * deflections).max(), rounding)
     atol = np.asarray(sol.settings.get("atol", 0.0))
-    errors = (1 + w) * (atol[modes.at] if atol.ndim else atol).max()  # tolerances of eta' and of w eta
+    errors = (1 + w) * (atol[modes.iv] if atol.ndim else atol).max()  # tolerances of eta' and of w eta
     return Vibrations(modes, _names(modes), nodes, rates, largest, tolerance, errors)
 
 
@@ -138,13 +138,13 @@ def _oscillation(system: Index2System, modes: ElasticModes, t: float, y: Array) 
 
     def quasi_static(t: float, y: Array) -> tuple[Array, Array]:
         F = system.derivative(t, y)[0]
-        eta, rate, acceleration = (modes.rows @ x for x in (y[modes.iq], y[nq + modes.at], F[nv + modes.at]))
+        eta, rate, acceleration = (modes.rows @ x for x in (y[modes.iq], y[nq + modes.iv], F[nv + modes.iv]))
         return eta + lag * rate + acceleration / w**2, F
 
     dt = QUOTIENT_WIDTH / w[-1]
     deflection, F = quasi_static(t, y)
     speed = (quasi_static(t + dt, system.add(y, dt * F))[0] - deflection) / dt
-    eta, rate = modes.rows @ y[modes.iq], modes.rows @ y[nq + modes.at]
+    eta, rate = modes.rows @ y[modes.iq], modes.rows @ y[nq + modes.iv]
     return np.hypot(rate - speed, w * (eta - deflection + lag * speed))
 
 
@@ -157,7 +157,7 @@ def _error(vibrations: Vibrations, k: int, ts: Array, h: Array, method: Any) -> 
     sizes = np.geomspace(max(h.min(), TINY), h.max() * (1 + NEGLIGIBLE), SIZES)
     errors = np.interp(h, sizes, step_error(method, z * sizes))
     total, worst = np.concatenate([[0.0], np.cumsum(errors)]), 0.0
-    rates = vibrations.rates[:, k]
+    rates = vibrations.amplitudes[:, k]
     rates = np.where((vibrations.nodes == 0) | (rates > vibrations.errors[k]), rates, 0.0)
     for i, rate in zip(vibrations.nodes[:-1], rates[:-1], strict=True):
         decay = np.exp(z.real * np.abs(ts[i + 1 :] - ts[i]))

@@ -94,13 +94,13 @@ def _advance(run: RunState) -> State | None:
         StepError: if the largest number of steps is reached.
     """
     max_steps = run.options.max_steps
-    left = None if max_steps is None else max_steps - run.steps - (run.rejected or 0)
-    if left is not None and left <= 0:
+    remaining = None if max_steps is None else max_steps - run.steps - (run.rejected or 0)
+    if remaining is not None and remaining <= 0:
         raise StepError("max_steps", f"{max_steps} steps did not suffice")
     start = run.state
     if any(source.replace_step(run) for source in run.sources):
         return None
-    run.stepper.advance(run, 1 if any(source.each_step for source in run.sources) else left)
+    run.stepper.advance(run, 1 if any(source.each_step for source in run.sources) else remaining)
     return start
 
 

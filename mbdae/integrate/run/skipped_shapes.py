@@ -47,7 +47,7 @@ def skipped_shape(sol: Solution, system: Index2System) -> str:
 
 def tables_over_time(system: Index2System) -> Iterator[tuple[str, PiecewisePolynomial]]:
     """Yield the tables over time of forces and drivers by name; of other functions, all points are ends of steps."""
-    laws = ((law.name, signal) for law, _ in system.laws.bound for signal in law.signals)
+    laws = ((law.name, u) for law, _ in system.laws.bound for u in law.time_functions)
     drivers = ((driver.name, driver.path) for driver in system.mechanism.drivers)
     for name, function in (*laws, *drivers):
         table = function.polynomials if isinstance(function, PiecewiseFunction) else function

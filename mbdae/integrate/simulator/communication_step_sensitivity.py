@@ -39,7 +39,7 @@ class CommunicationStepParameters:
     Args:
         inputs: the inputs.
         names: dotted names of parameters, as of `mbdae.sensitivity`.
-        at: a point (t, q, v, s) where the derivatives must be accurate.
+        point: a point (t, q, v, s) where the derivatives must be accurate.
         mode: mode of the mechanism at this point.
 
     Attributes:
@@ -54,7 +54,7 @@ class CommunicationStepParameters:
         InputError: for a parameter without a derivative.
     """
 
-    def __init__(self, inputs: Inputs, names: Sequence[str], at: Any, mode: tuple[int, ...]) -> None:
+    def __init__(self, inputs: Inputs, names: Sequence[str], point: Any, mode: tuple[int, ...]) -> None:
         if isinstance(names, str) or not all(isinstance(name, str) for name in names):
             raise InputError(f"parameters are given by dotted names, got {names!r:.60}")
         self.inputs, self.names, self.communication_step = inputs, tuple(names), CommunicationStep()
@@ -66,7 +66,7 @@ class CommunicationStepParameters:
             self.template = LoadedModel(inputs.original)
             values |= {name: parameter_value(self.template, name) for name in names}
         self.columns = list(values)
-        self.bound = Parameters(self._make, values, backend.load(), are_defaults=True, along=[(*at, mode)])
+        self.bound = Parameters(self._make, values, backend.load(), are_defaults=True, along=[(*point, mode)])
 
     def _make(self, values: Mapping[str, float]) -> Mechanism:
         """Return the mechanism with a changed input or parameter."""
@@ -184,8 +184,9 @@ class CommunicationStepSensitivity:
                 u.set(u.setting._replace(rate=0.0))
             for i in (0, len(trajectory.ts) - 1):
                 q, v, s, _ = np.split(trajectory.ys[i], np.cumsum([m.nq, m.nv, len(m.states)]))
-                at = m.at(float(trajectory.ts[i]), q, v, s, mode=self.sol.mode(i) or trajectory.system.mode)
-                time_partials = at.g_t, *(getattr(at.partials(), name) for name in ("r_t", "h_t", "Gv_t", "gamma_t"))
+                point = m.at(float(trajectory.ts[i]), q, v, s, mode=self.sol.mode(i) or trajectory.system.mode)
+                names = "r_t", "h_t", "Gv_t", "gamma_t"
+                time_partials = point.g_t, *(getattr(point.partials(), name) for name in names)
                 if any(x.any() for x in time_partials):
                     raise InputError("forces or drivers depend on time: no derivative with respect to dt")
         finally:

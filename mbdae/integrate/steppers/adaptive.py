@@ -22,7 +22,10 @@ STARTING_STEP = {"small_norm": 1e-5, "default_step": 1e-6, "reduction": 1e-3, "c
 
 
 class Adaptive(PythonStepper):
-    """Step-size control: the error of q and v in each step is below atol + rtol max(|y_n|, |y_n+1|)."""
+    """Step-size control: accepted steps have an error norm of at most 1.
+
+    The norm is that of `mbdae.methods.controller.error_norm`, with the scales atol + rtol max(|y_n|, |y_n+1|).
+    """
 
     controls = True
 

@@ -37,14 +37,14 @@ class Fixed(PythonStepper):
         self.off_grid_time = None
         i, starts_on_grid = self.i + 1, self.on_grid
         t = run.t1 if i >= self.n else self.t0 + run.sign * i * self.step
-        beyond = run.sign * (t - run.interval.stop)  # the interval ends before the next grid point
-        self.on_grid = beyond <= COINCIDENT * self.step
+        overshoot = run.sign * (t - run.interval.stop)  # time from the end of the interval to the next grid point
+        self.on_grid = overshoot <= COINCIDENT * self.step
         self.i += self.on_grid
-        left, end = run.time_to_interval_end(), run.interval.end
-        if starts_on_grid and run.interval.stop == end and abs(left - self.step) <= 4 * np.spacing(abs(end)):
+        remaining, end = run.time_to_interval_end(), run.interval.end
+        if starts_on_grid and run.interval.stop == end and abs(remaining - self.step) <= 4 * np.spacing(abs(end)):
             return self.step, end  # rounding of times does not change steps
-        if beyond >= -COINCIDENT * self.step:
-            return left, end
+        if overshoot >= -COINCIDENT * self.step:
+            return remaining, end
         return (self.step if starts_on_grid else abs(t - run.t)), t
 
     def take(self, run: "RunState", h: float) -> Step:

@@ -39,9 +39,9 @@ class ScipySolver(LibrarySolver):
         solver: type[OdeSolver] = getattr(import_module("scipy.integrate"), self.name)
         return solver
 
-    def stepper(self, system: System, *control: Any) -> "Scipy":
+    def stepper(self, system: System, *control: Any) -> "ScipyStepper":
         """See `LibrarySolver.stepper`."""
-        return Scipy(self, system, *control)
+        return ScipyStepper(self, system, *control)
 
 
 SCIPY: dict[str, ScipySolver] = {
@@ -55,7 +55,7 @@ SCIPY: dict[str, ScipySolver] = {
 }
 
 
-class Scipy(LibraryStepper):
+class ScipyStepper(LibraryStepper):
     """A solver of scipy, with its own step-size control and its definition of rtol and atol.
 
     Rejected steps are counted for RK45 and DOP853; Radau and LSODA do not report them (None).
@@ -125,7 +125,7 @@ class Scipy(LibraryStepper):
         if self._last is None or self._last[0] != self.solver.t or not np.array_equal(self._last[1], y):
             self._rate(self.solver.t, y)
         _, _, z = self._last or (0.0, y, y)
-        return self.end_of_step(self.system.normal(y), z)
+        return self.end_of_step(self.system.normalized(y), z)
 
     def restart(self) -> None:
         """Start a new solver after a jump."""

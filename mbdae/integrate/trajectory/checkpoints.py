@@ -1,8 +1,8 @@
 """Checkpoints of a run: every k-th state is stored, and the states in between are recomputed.
 
-For n steps and k close to the square root of n, this stores 2 k states instead of n, at the cost of repeating each step
-once (Griewank, Optim. Methods Softw. 1 (1992), one level). A recomputed segment is bitwise equal, since a step depends
-only on the state at its start.
+For n steps, k is the square root of n, but at least 1000, so that short runs store all states. This stores n/k + k
+states instead of n, at the cost of repeating each step once (Griewank, Optim. Methods Softw. 1 (1992), one level). A
+recomputed segment is bitwise equal, since a step depends only on the state at its start.
 """
 
 from collections.abc import Callable
@@ -12,7 +12,7 @@ import numpy as np
 
 from ...system import Array, State
 
-MAX_STORED = 1000  # states; runs with fewer steps store all
+MAX_STORED = 1000  # number of states: runs with at most as many store all
 
 Recompute = Callable[[int, int, State], list[State]]
 
@@ -47,11 +47,11 @@ class Checkpoints:
 
     def segment(self, j: int) -> list[State]:
         """Return the states at nodes j k, ..., j k + k - 1, possibly with the first state of the next segment."""
-        return self._states if j == self._at else self._recompute_segment(j)
+        return self._states if j == self._segment_index else self._recompute_segment(j)
 
     def _recompute_segment(self, j: int) -> list[State]:
-        first = j * self.length
-        self._at, self._states = j, self.recompute(first, min(first + self.length, self.n - 1), self.saved[j])
+        first, last = j * self.length, min((j + 1) * self.length, self.n - 1)
+        self._segment_index, self._states = j, self.recompute(first, last, self.saved[j])
         return self._states
 
 

@@ -117,10 +117,10 @@ class SignalJacobian:
         self.motion = MotionTangent(trajectory.sensitivity.parameters) if self.groups else None
         kinds = {signal.kind for signal in self.signals}
         self.needs_rates = bool(kinds & {"lam", "force", "rate"}) or any(f.needs_rates for f in self.groups.values())
-        self._fixed: Array | None = None
+        self._constant_rows: Array | None = None
         uses_positions = any(signal.kind == "y" and signal.i < mech.nq for signal in self.signals)
         has_curved_positions = uses_positions and not trajectory.system.manifold.flat
-        self.fixed = kinds <= {"t", "y", "angle"} and not has_curved_positions  # constant derivatives
+        self.is_constant = kinds <= {"t", "y", "angle"} and not has_curved_positions
 
     def rows(self, i: int, t: float, y: Array) -> Array:
         """Return the derivatives at a point after node i with respect to (y, p, t), (len(names), ny + k + 1).
@@ -128,16 +128,17 @@ class SignalJacobian:
         Raises:
             InputError: if a derivative is not finite, as for an undetermined force.
         """
-        if self._fixed is not None:
-            return self._fixed
+        if self._constant_rows is not None:
+            return self._constant_rows
         ny = self.trajectory.system.ny
         identity = np.eye(ny + self.trajectory.sensitivity.k + 1)
-        out = self.along(SignalPoint(self.trajectory, i, t, y, (identity[:ny], identity[ny:-1], identity[-1])))
-        if self.fixed:
-            self._fixed = out
+        point = SignalPoint(self.trajectory, i, t, y, (identity[:ny], identity[ny:-1], identity[-1]))
+        out = self.directional_derivatives(point)
+        if self.is_constant:
+            self._constant_rows = out
         return out
 
-    def along(self, point: SignalPoint) -> Array:
+    def directional_derivatives(self, point: SignalPoint) -> Array:
         """Return the derivatives at a point in its m directions, (len(names), m).
 
         Raises:

@@ -191,7 +191,7 @@ class Trajectory:
         else:
             yield NativeStep(self.core, i)
         if changed:
-            y = self.system.jump(t1, self.ys[i]) if self.jumped[i] else self.between(i, t1)
+            y = self.system.jump(t1, self.ys[i]) if self.jumped[i] else self.point_after(i, t1)
             self.enter_node(i + 1)
             yield LinearMap(self.sensitivity.row_update(t1, y), False)
         if changed or self.jumped[i] or self.restarted[i + 1]:
@@ -203,7 +203,7 @@ class Trajectory:
             self.enter_node(i)
             yield from self._carry_restart(float(self.ts[i]), self.ys[i])
 
-    def between(self, i: int, t: float) -> Array:
+    def point_after(self, i: int, t: float) -> Array:
         """Return the point (n,) after a shorter step from node i."""
         start = self.state(i)
         self.enter_node(i)

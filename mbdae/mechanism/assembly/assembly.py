@@ -87,7 +87,7 @@ def _initial_estimate(
     return InitialEstimate(q0, fixed_q, locked_q, v0, fixed_v, locked_v)
 
 
-def assemble_from(mech: "Mechanism", at: InitialEstimate, t: float) -> Assembled:
+def assemble_from(mech: "Mechanism", estimate: InitialEstimate, t: float) -> Assembled:
     """Return the consistent state near an initial estimate; several velocities (k, nv) yield several velocities.
 
     Raises:
@@ -96,12 +96,12 @@ def assemble_from(mech: "Mechanism", at: InitialEstimate, t: float) -> Assembled
     for driver in mech.drivers:
         driver.check(t)
     with mech.workspaces.borrowed() as system:
-        position = _closed_position(system, at.q, at.fixed_q, at.locked_q, t)
+        position = _closed_position(system, estimate.q, estimate.fixed_q, estimate.locked_q, t)
 
         def close(fixed: Array) -> Array:
-            return position.velocity_projection(system, fixed, t).project(system, at.v, at.parameters)
+            return position.velocity_projection(system, fixed, t).project(system, estimate.v, estimate.parameters)
 
-        v, fixed_v = _with_locked_modes(close, at.fixed_v, at.locked_v)
+        v, fixed_v = _with_locked_modes(close, estimate.fixed_v, estimate.locked_v)
         return Assembled(position.q.copy(), v, position.fixed, fixed_v)
 
 
@@ -179,8 +179,8 @@ def start_configuration(mech: "Mechanism") -> Array:
     """
     if not mech.start_values.assemble:
         return mech.unassembled_start[0]
-    system, at = mech.system(), start_estimate(mech)
-    return _closed(system, at.q, at.fixed_q, at.locked_q, 0.0)[0]
+    system, (q, fixed_q, locked_q, *_) = mech.system(), start_estimate(mech)
+    return _closed(system, q, fixed_q, locked_q, 0.0)[0]
 
 
 def _locked_modes(mech: "Mechanism", named: Iterable[str]) -> Array:

@@ -19,10 +19,10 @@ class Clutch(JointPair):
 
     A one-way clutch lets a joint overrun another one, or the ground, in one direction only,
 
-        sign (v_i - ratio v_j) >= 0, and the locking torque acts in that direction only
+        direction (v_i - ratio v_j) >= 0, and the locking torque acts in that direction only
 
     Without ``pitch`` (freewheel, sprag clutch) it locks at once. With ``pitch`` it is a ratchet: its pawl engages at
-    x_i - ratio x_j = tooth + k pitch, and the joint runs back at most to the last of these positions.
+    q_i - ratio q_j = tooth + k pitch, and the joint runs back at most to the last of these positions.
 
     With ``engaged`` it is a commanded clutch: it locks in both directions, v_i = ratio v_j, while the command is
     positive. Engagement at different speeds is an impact.

@@ -24,7 +24,7 @@ from .rows import Distance, FrameRows
 
 SAMPLES = 64  # times of a run at which derivatives are compared with difference quotients
 MIN_MISMATCHES = 2  # smallest number of samples: one may coincide with a jump of u''
-GOLDEN = (sqrt(5) - 1) / 2  # golden ratio: its multiples modulo 1 are evenly distributed and on no regular grid
+GOLDEN = (sqrt(5) - 1) / 2  # golden ratio minus 1: its multiples modulo 1 are evenly distributed and on no regular grid
 SPACING, START_OFFSET = 1e-5, 1e-3  # s: half width of the quotients, and distance of their centre from the start
 Target = str | tuple[str, str]
 

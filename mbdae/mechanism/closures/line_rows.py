@@ -38,12 +38,13 @@ class LineRows(FrameRows):
     """Rows along m lines through one point.
 
     Attributes:
-        lead: coefficient of the relative rotation about the line, in m/rad: w = [e; p x e - lead e].
+        advance: translation along the line per radian of relative rotation about it, in m/rad:
+            w = [e; p x e - advance e].
     """
 
     unit = "m"
     positional = False
-    lead = 0.0
+    advance = 0.0
 
     def lines(self, pair: Pair) -> Lines:
         """Return the lines at the current pair, and their rates for its velocities Va, Vb."""
@@ -65,11 +66,11 @@ class LineRows(FrameRows):
 
     def _write(self, lines: Lines, w: Array) -> None:
         e = lines.e
-        w[:3], w[3:] = e, cross(lines.p, e) - self.lead * e
+        w[:3], w[3:] = e, cross(lines.p, e) - self.advance * e
 
     def _rate(self, lines: Lines) -> Array:
         e, p, de, dp = lines
-        return np.concatenate([de, cross(dp, e) + cross(p, de) - self.lead * de])
+        return np.concatenate([de, cross(dp, e) + cross(p, de) - self.advance * de])
 
     def partials(self, pair: Pair) -> tuple[Array, Array]:
         Db, w, moving = np.empty((self.m, 6, 6)), np.zeros((6, self.m)), with_zero_velocity(pair)

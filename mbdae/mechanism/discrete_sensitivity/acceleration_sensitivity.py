@@ -1,4 +1,4 @@
-"""Discrete sensitivity of v' and lam at a point, from the hidden constraint."""
+"""Partial derivatives of v' and lam at a point, from the hidden constraint."""
 
 from typing import TYPE_CHECKING, NamedTuple
 

@@ -47,22 +47,22 @@ class ConstantDirections:
     def __init__(self, parameters: "Parameters") -> None:
         self.mech, self.forces = parameters.mech, sorted({i for p in parameters.all for i in p.forces})
         self.values, self.workspace = np.array([*parameters.values.values()]), parameters.system.workspace
-        self.at = self._components(self.mech) if _may_be_constant(parameters) else None
-        if self.at is not None and not (self._differentiate(parameters) and self._agrees_nearby(parameters)):
-            self.at = None
+        self.components = self._components(self.mech) if _may_be_constant(parameters) else None
+        if self.components is not None and not (self._differentiate(parameters) and self._agrees_nearby(parameters)):
+            self.components = None
 
     def _differentiate(self, parameters: "Parameters") -> bool:
         """Determine D; return whether all components exist for nearby values and contain no product of parameters."""
-        assert self.at is not None
+        assert self.components is not None
         self.keeps_states = all(p.keeps_states for p in parameters.all)
         perturbed = [{k: self._components(m) for k, m in p.perturbed.items()} for p in parameters.all]
-        if any(x is None or x.rest != self.at.rest for values in perturbed for x in values.values()):
+        if any(x is None or x.rest != self.components.rest for values in perturbed for x in values.values()):
             return False
         self.D = np.array([
             p.quotient({k: x.numbers for k, x in values.items() if x is not None})
             for p, values in zip(parameters.all, perturbed, strict=True)
         ]).T  # fmt: skip
-        changed = set(self.at.factors[self.D.any(axis=1)].tolist())
+        changed = set(self.components.factors[self.D.any(axis=1)].tolist())
         return not any(i >= 0 and i ^ 1 in changed for i in changed)
 
     def _agrees_nearby(self, parameters: "Parameters") -> bool:
@@ -80,18 +80,19 @@ class ConstantDirections:
 
     def agree(self, mech: "Mechanism", values: Mapping[str, float]) -> bool:
         """Return whether a mechanism with other values has the components that the directions predict."""
-        if self.at is None or not self._has_same_other_components(mech):
+        if self.components is None or not self._has_same_other_components(mech):
             return False
         found = self._components(mech)
-        if found is None or found.rest != self.at.rest:
+        if found is None or found.rest != self.components.rest:
             return False
         if self.keeps_states and mech.states != self.mech.states:
             return False
         change = np.array([*values.values()]) - self.values
-        size = np.abs(self.at.numbers) + np.abs(self.D) @ np.abs(change)
-        for factor in set(self.at.factors.tolist()) - {-1}:  # coefficients of a curve have common rounding errors
-            size[self.at.factors == factor] = size[self.at.factors == factor].max(initial=0.0)
-        return bool((np.abs(found.numbers - self.at.numbers - self.D @ change) <= SOLUTION_ROUNDING * size).all())
+        numbers, factors = self.components.numbers, self.components.factors
+        size = np.abs(numbers) + np.abs(self.D) @ np.abs(change)
+        for factor in set(factors.tolist()) - {-1}:  # coefficients of a curve have common rounding errors
+            size[factors == factor] = size[factors == factor].max(initial=0.0)
+        return bool((np.abs(found.numbers - numbers - self.D @ change) <= SOLUTION_ROUNDING * size).all())
 
     def _has_same_other_components(self, mech: "Mechanism") -> bool:
         """Return whether rows, placements and other forces are the same."""

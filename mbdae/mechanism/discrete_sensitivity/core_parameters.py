@@ -62,12 +62,12 @@ def _core_data(parameters: Parameters) -> ParameterData:
         if laws.perturbed:
             factors = weights(laws.perturbed, p.h)
             elements = [_perturbed(factors[k], ("pairs", "laws"), laws_of(x)) for k, x in laws.perturbed.items()]
-            changed.append({**_element(i), "at": laws.at.tolist(), "laws": elements})
+            changed.append({**_element(i), "at": laws.indices.tolist(), "laws": elements})
         if rows.perturbed:
             factors = weights(p.stencil, p.h)
             keys = "pairs", "rows", "drivers"
             elements = [_perturbed(factors[k], keys, constraints_of(x)) for k, x in rows.perturbed.items()]
-            changed.append({**_element(i), "at": rows.at.tolist(), "rows": elements})
+            changed.append({**_element(i), "at": rows.indices.tolist(), "rows": elements})
         if p.modal:
             rate_bodies = [bodies[k].with_modal(rates).core_data(p.mech.model) for k, rates in p.modal.items()]
             changed.append({**_element(i), "bodies": rate_bodies})

@@ -1,11 +1,11 @@
 """Partial derivatives of closure friction, see `mbdae.mechanism.formulations.closure_friction`.
 
-The slip of an interface is s = S(q) v. The variation of its friction c |F(q, lam)| phi(|s|) S^T s, phi(x) =
-tanh(x/w)/x, c = -mu r, is with psi = phi'/x, at constant lam of the rows in use,
+The slip of an interface is u = S(q) v. The variation of its friction c |F(q, lam)| phi(|u|) S^T u, phi(x) =
+tanh(x/b)/x with the width b of its regularization, c = -mu r, is with psi = phi'/x, at constant lam of the rows in use,
 
-    c |F| (psi (s . ds) S^T s + phi (dS^T s + S^T ds)) + c phi S^T s d|F|,   ds = dS v + S dv
+    c |F| (psi (u . du) S^T u + phi (dS^T u + S^T du)) + c phi S^T u d|F|,   du = dS v + S dv
 
-Exact friction along one no-slip row has phi s = +-1 instead, and only dS^T of that row, whose partials are exact.
+Exact friction along one no-slip row has phi u = +-1 instead, and only dS^T of that row, whose partials are exact.
 
 Other partials of S, and those of |F|, with respect to q are sixth-order differences of these terms, in the
 coordinates that move the frames of an interface relative to each other: if both move together, S rotates, but the
@@ -121,7 +121,7 @@ class _ActiveInterface(NamedTuple):
     no_slip_rows: slice
 
     def direction(self, slip: Array) -> tuple[Array, Array]:
-        """Return phi s (m,) and its partial derivatives with respect to the slip s, (m, m)."""
+        """Return phi u (m,) and its partial derivatives with respect to the slip u, (m, m)."""
         if not self.width:
             return self.slip_sign, np.zeros((1, 1))
         phi, psi = regularization_factors(float(np.linalg.norm(slip)), self.width)
@@ -139,11 +139,11 @@ def _active_interfaces(s: "Index2System") -> list[_ActiveInterface]:
 
 
 def regularization_factors(x: float, width: float) -> tuple[float, float]:
-    """Return phi = tanh(x/w)/x and phi'/x."""
+    """Return phi = tanh(x/b)/x and phi'/x, b = `width`."""
     r = x / width
     if r < SMALL:
-        u = r * r
-        phi = 1 - u / 3 + 2 * u**2 / 15 - 17 * u**3 / 315
-        return phi / width, (-2 / 3 + 8 * u / 15 - 34 * u**2 / 105 + 496 * u**3 / 2835) / width**3
+        r2 = r * r
+        phi = 1 - r2 / 3 + 2 * r2**2 / 15 - 17 * r2**3 / 315
+        return phi / width, (-2 / 3 + 8 * r2 / 15 - 34 * r2**2 / 105 + 496 * r2**3 / 2835) / width**3
     tanh_r = tanh(r)
     return tanh_r / x, ((1 - tanh_r * tanh_r) / width - tanh_r / x) / x**2

@@ -44,16 +44,16 @@ class GuardPartials:
     def gradient(self, guard: "Guard") -> Array:
         """Return the partial derivatives of a guard with respect to (y, p, t), (ny + k + 1,)."""
         if guard.needs_multipliers and self.derivative_partials is None:
-            at = self.sensitivity.rate(self.point.t, self.point.y)
-            self.derivative_partials = at.rate, at.lam
+            found = self.sensitivity.rate(self.point.t, self.point.y)
+            self.derivative_partials = found.rate, found.lam
         piece = int(np.argmin(np.abs(guard.pieces(self.point)))) if guard.pieces else None
         value = _smooth(guard, piece)
-        out = np.array([self._along(value, j) for j in range(self.n)])
+        out = np.array([self._directional_derivative(value, j) for j in range(self.n)])
         ny = self.sensitivity.ny
         out[ny:-1] += self._parameter_partials(guard, piece)
         return out
 
-    def _along(self, guard: "PointFunction", j: int) -> float:
+    def _directional_derivative(self, guard: "PointFunction", j: int) -> float:
         """Return the derivative along one direction: of y, of a parameter, or of time."""
         parameters, i = self.sensitivity.parameters.all, j - self.sensitivity.ny
         h = parameters[i].width if 0 <= i < len(parameters) else WIDTH

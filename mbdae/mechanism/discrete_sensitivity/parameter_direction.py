@@ -183,8 +183,8 @@ class LawDifferences:
 
     def __init__(self, p: Parameter, s: Index2System, mechanisms: PerturbedMechanisms) -> None:
         self.p, self.nv = p, s.nv
-        spans = [at for i, (_, at) in enumerate(s.laws.bound) if i in p.forces]
-        self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
+        spans = [span for i, (_, span) in enumerate(s.laws.bound) if i in p.forces]
+        self.indices = np.array([i for span in spans for i in range(span.start, span.stop)], int)
         perturbed = mechanisms.items() if p.forces or p.elastic else ()
         self.perturbed = {
             k: bind_forces([m.forces[i] for i in p.forces], s.model, s.workspace, m.model) for k, m in perturbed
@@ -196,14 +196,14 @@ class LawDifferences:
 
     def values(self, t: float, q: Array, v: Array, s: Array) -> dict[int, Array]:
         """Return (tau, s', power) with the perturbed values, (nv + ns + 1,)."""
-        return {k: np.concatenate(f.generalized_force(t, q, v, s[self.at])) for k, f in self.perturbed.items()}
+        return {k: np.concatenate(f.generalized_force(t, q, v, s[self.indices])) for k, f in self.perturbed.items()}
 
     def add(self, out: Array, t: float, q: Array, v: Array, s: Array) -> None:
         """Add the partial derivatives of (tau, s', power), (nv + ns + 1,)."""
         if self.perturbed:
             found = self.p.quotient(self.values(t, q, v, s))
             out[: self.nv] += found[: self.nv]
-            out[self.nv + self.at] += found[self.nv : -1]
+            out[self.nv + self.indices] += found[self.nv : -1]
             out[-1] += found[-1]
 
 
@@ -213,7 +213,7 @@ class RowDifferences:
     def __init__(self, p: Parameter, s: Index2System, mechanisms: PerturbedMechanisms) -> None:
         self.p, self.nv = p, s.nv
         spans = [s.constraints.spans[s.mechanism.constraints[i].name] for i in p.specs]
-        self.at = np.array([i for at in spans for i in range(at.start, at.stop)], int)
+        self.indices = np.array([i for span in spans for i in range(span.start, span.stop)], int)
         perturbed = mechanisms.items() if p.specs else ()
         self.perturbed = {
             k: Constraints(s.model, s.workspace, [m.constraints[i] for i in p.specs]) for k, m in perturbed
@@ -221,7 +221,7 @@ class RowDifferences:
 
     def forces(self, t: float, lam: Array) -> dict[int, Array]:
         """Return (G^T lam, lam . u') with the perturbed values, (nv + 1,)."""
-        x = lam[self.at]
+        x = lam[self.indices]
         return {k: np.append(x @ c.jacobian(), x @ c.motion(t)[1]) for k, c in self.perturbed.items()}
 
     def rates(self, t: float, v: Array) -> dict[int, Array]:
@@ -243,13 +243,13 @@ class RowDifferences:
         """Add the partial derivatives of G v + g_t and of g; J must be current."""
         if self.perturbed:
             rate, value = self.p.quotient(self.rates(t, v))
-            Q[self.at] += rate
-            g[self.at] += value
+            Q[self.indices] += rate
+            g[self.indices] += value
 
     def add_bias(self, out: Array, t: float, v: Array) -> None:
         """Add the partial derivatives of gamma; velocities must be current, with accelerations for v' = 0."""
         if self.perturbed:
-            out[self.at] += self.p.quotient(self.biases(t, v))
+            out[self.indices] += self.p.quotient(self.biases(t, v))
 
     def biases(self, t: float, v: Array) -> dict[int, Array]:
         """Return gamma with the perturbed values, (r,)."""

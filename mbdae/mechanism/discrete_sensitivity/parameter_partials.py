@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 UNREACHABLE, NEGLIGIBLE = TRUNCATION, SOLUTION_ROUNDING  # |dg/dp| that no motion corrects: fraction; absolute
 Make = Callable[[Mapping[str, float]], "Mechanism"]
-At = tuple[float, Array, Array, Array, Mode]  # (t, q, v, s, mode)
+RunPoint = tuple[float, Array, Array, Array, Mode]  # (t, q, v, s, mode)
 REUSED = "workspace", "core data", "native"  # names of `Parameters.cached` that stay valid for other values
 
 
@@ -70,7 +70,7 @@ class Parameters:
 
     def __init__(
         self, make: Make, values: Mapping[str, float], native: ModuleType | None = None, *, are_defaults: bool = False,
-        along: Sequence[At] = (), system: Index2System | None = None,
+        along: Sequence[RunPoint] = (), system: Index2System | None = None,
     ) -> None:  # fmt: skip
         self.make, self.values = make, dict(values)
         self.mech = mech = make({} if are_defaults else values)
@@ -99,9 +99,9 @@ class Parameters:
 
     @cached_property
     def constant(self) -> ConstantDirections:
-        """Constant directions of the parameters; its ``at`` is None if they are not constant."""
+        """Constant directions of the parameters; its ``components`` are None if they are not constant."""
         found = ConstantDirections(self)
-        if found.at is not None:
+        if found.components is not None:
             for laws in self.laws:
                 laws.use_affinity()
             self._found = {name: x for name, x in self._found.items() if name == "workspace"}
@@ -128,7 +128,7 @@ class Parameters:
             self._found["workspace"][1].bind(mech)
         return True
 
-    def _choose_width(self, p: Parameter, along: Sequence[At]) -> None:
+    def _choose_width(self, p: Parameter, along: Sequence[RunPoint]) -> None:
         """Use a width at which differences of laws and rows are accurate along a run: effects of frequencies grow.
 
         Raises:
@@ -144,7 +144,7 @@ class Parameters:
                 mask[inactive_rows(s.mechanism.switches, mode)] = 0.0
                 update_motions(s.model, s.workspace, q, v, np.zeros(s.nv))
                 update_poses(s.model, s.workspace, q)
-                active, forces = mask[rows.at], rows.forces(t, mask)
+                active, forces = mask[rows.indices], rows.forces(t, mask)
                 rates = [{k: x * active for k, x in kind.items()} for kind in (rows.rates(t, v), rows.biases(t, v))]
                 kinds = [x for x in (laws.values(t, q, v, inner), forces, *rates) if x]
                 found.append({k: np.concatenate([x[k].ravel() for x in kinds]) for k in mechanisms})

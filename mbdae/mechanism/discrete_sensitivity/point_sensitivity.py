@@ -94,10 +94,10 @@ class PointSensitivity(AccelerationSensitivity):
             )
             out[2 * s.nv : -1, : self.ny - 1] = jumps
         for i, (p, laws) in enumerate(zip(self.parameters.all, self.parameters.laws, strict=True)):
-            if laws.perturbed and len(laws.at):
-                (q, v), inner = s.split(y), s.element_states(y)[laws.at]
+            if laws.perturbed and len(laws.indices):
+                (q, v), inner = s.split(y), s.element_states(y)[laws.indices]
                 found = {k: f.jump(t, q, v, inner, late) for k, f in laws.perturbed.items()}
-                out[2 * s.nv + laws.at, self.ny + i] = p.quotient(found)
+                out[2 * s.nv + laws.indices, self.ny + i] = p.quotient(found)
         return out
 
     def initial_impact(self, t: float, y: Array) -> tuple[Array, Array]:

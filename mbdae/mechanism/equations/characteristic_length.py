@@ -27,8 +27,8 @@ def characteristic_length(mech: "Mechanism") -> float:
     """Return l > 0 in m, see `Mechanism.characteristic_length`.
 
     l is the largest of: distances of joints, and of the frames of closures and drivers, from their parent joint (on the
-    ground, from the first joint); lengths, radii and profiles of closures. If there are none, l is the largest distance
-    of a frame, a point of a force, or a centre of mass from its joint, or radius of gyration; otherwise 1.
+    ground, from the first joint); lengths, radii and profiles of closures. If these are negligible, l is the largest
+    distance of a frame, a point of a force, or a centre of mass from its joint, or radius of gyration; otherwise 1.
     """
     linkage, bodies = max(linkage_lengths(mech), default=0.0), max(_body_lengths(mech), default=0.0)
     return (linkage if linkage > COINCIDENT * bodies else bodies) or 1.0

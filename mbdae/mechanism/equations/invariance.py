@@ -102,8 +102,8 @@ def _unit(mech: "Mechanism", name: str) -> float:
 def _with_velocities(system: Index2System, points: Sequence[MotionPoint]) -> list[MotionPoint]:
     """Return the points, and the first point with changed velocities."""
     t, y, mode = points[0]
-    mech, perturbed, at = system.mechanism, y.copy(), slice(system.nq, system.nq + system.nv)
-    perturbed[at] += VELOCITY_CHANGE * mech.characteristic_rate * mech.coordinate_scales * np.cos(np.arange(system.nv))
+    mech, perturbed, iv = system.mechanism, y.copy(), slice(system.nq, system.nq + system.nv)
+    perturbed[iv] += VELOCITY_CHANGE * mech.characteristic_rate * mech.coordinate_scales * np.cos(np.arange(system.nv))
     system.enter(mode)
     try:
         system.derivative(t, y)
@@ -123,9 +123,9 @@ def _point_terms(system: Index2System, point: MotionPoint) -> _Terms | None:
     except StepError:
         return None
     s = system.element_states(y)
-    for law, at in system.laws.bound:
+    for law, span in system.laws.bound:
         if isinstance(law, SampledElement) and not law.external:  # its samples enter v' only after the next instant
-            rates[2 * system.nv :][at] += np.concatenate(law.sampled(t, q, v, s, at)) - s[at]
+            rates[2 * system.nv :][span] += np.concatenate(law.sampled(t, q, v, s, span)) - s[span]
     return _Terms(np.where(system.constraints.positional, g, 0.0), G @ v + g_t, rates)
 
 

@@ -1,9 +1,9 @@
 """Local coordinates of the manifold of consistent states of a mechanism.
 
-Let G_p be the independent position-level rows at q0, G all independent rows (in rad and characteristic lengths), and
-N, N_v orthonormal bases of the null spaces of G_p and G, R one of the row space of G_p:
+Let L be the coordinate scales (1 rad, characteristic lengths), G_p the independent position-level rows at q0, G all
+independent rows, N, N_v orthonormal bases of the null spaces of G_p L and G L, and R one of the row space of G_p L:
 
-    q = q0 (+) x,   x = N xi + R mu,  g(t, q) = 0,      [G; N_v^T] v = [-g_t; eta]
+    q = q0 (+) L (N xi + R mu),  g(t, q) = 0,      G v = -g_t,  N_v^T L^-1 v = eta
 
 Every (xi, eta) close to the origin defines a state with g = 0 and G v + g_t = 0.
 
@@ -82,7 +82,7 @@ class LocalCoordinates:
         return x[:k], x[k : k + m], x[k + m :]
 
     def _position(self, t: float, xi: Array) -> tuple[Array, Array]:
-        """Return x (nv,) with g(t, q0 (+) x) = 0 and q (nq,) there, on the branch through q0.
+        """Return the displacement (nv,) from q0 at which g(t, q) = 0, and q (nq,), on the branch through q0.
 
         Newton's iteration starts from the last point; where it fails, intermediate points are computed first.
 
@@ -100,8 +100,8 @@ class LocalCoordinates:
             else:
                 targets.append((0.5 * (start[0] + targets[-1][0]), 0.5 * (start[1] + targets[-1][1])))
         self._last = start
-        x = self._displacement(start[1], start[2])
-        return x, self.system.manifold.integrate(self.q0, x)
+        displacement = self._displacement(start[1], start[2])
+        return displacement, self.system.manifold.integrate(self.q0, displacement)
 
     def _displacement(self, xi: Array, mu: Array) -> Array:
         return self._scales * (self._N @ xi + self._across @ mu)
@@ -111,12 +111,12 @@ class LocalCoordinates:
         system, rows, last = self.system, self._positional, np.inf
         scales, across = self.mechanism.row_scales[rows], self._scales[:, None] * self._across
         for _ in range(ITERATIONS):
-            x = self._displacement(xi, mu)
-            g, G = (a[rows] for a in system.closures(system.manifold.integrate(self.q0, x), t))
+            displacement = self._displacement(xi, mu)
+            g, G = (a[rows] for a in system.closures(system.manifold.integrate(self.q0, displacement), t))
             size = float(np.abs(g / scales).max(initial=0.0))
             if not EPS < size < last:
                 break
-            last, step = size, _solve(G @ self._velocities(x, across), g, scales)
+            last, step = size, _solve(G @ self._velocities(displacement, across), g, scales)
             if not np.abs(step).max(initial=0.0) <= LARGEST_STEP:
                 return None
             mu = mu - step
@@ -126,9 +126,11 @@ class LocalCoordinates:
         """Return rows (ng, nv) in rad and characteristic lengths."""
         return G * self._scales / self.mechanism.row_scales[:, None]
 
-    def _velocities(self, x: Array, dx: Array) -> Array:
-        """Return J(x)^-1 dx of columns (nv, k)."""
-        return np.column_stack([self.system.manifold.velocity(x, d) for d in dx.T]) if dx.size else dx
+    def _velocities(self, displacement: Array, rates: Array) -> Array:
+        """Return J^-1 rates at a displacement (nv,), for columns of rates (nv, k)."""
+        if not rates.size:
+            return rates
+        return np.column_stack([self.system.manifold.velocity(displacement, rate) for rate in rates.T])
 
     def _point(self, t: float, x: Array) -> tuple[Array, Array, Array]:
         """Return the displacement (nv,), and y and G there.
@@ -144,7 +146,7 @@ class LocalCoordinates:
         return displacement, np.concatenate([q, v, s, [0.0]]), G
 
     def _velocity(self, G: Array, right: Array) -> Array:
-        """Return v of G v = ., N_v^T v = . (in scaled velocities), from (ng + m, ...)."""
+        """Return v of G v = ., N_v^T L^-1 v = ., from (ng + m, ...)."""
         weights = np.concatenate([self.mechanism.row_scales, np.ones(self._Nv.shape[1])])
         return _solve(np.vstack([G, self._Nv.T / self._scales]), right, weights)
 

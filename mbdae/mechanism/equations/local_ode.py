@@ -2,10 +2,11 @@
 
 In the coordinates xi, eta of `mbdae.mechanism.equations.local_coordinates`, and the states s of forces,
 
-    xi' = N^T J(x) v,   eta' = N_v^T v',   s' = h(t, q, v, s, u),   v' from M v' = f + G^T lam, 0 = G v' + gamma
+    xi' = N^T L^-1 J v,   eta' = N_v^T L^-1 v',   s' = h(t, q, v, s, u),   v' from M v' = f + G^T lam, 0 = G v' + gamma
 
-Every x of the ODE belongs to a state with g = 0 and G v + g_t = 0: no solver can drift off the constraints. The
-coordinates are valid near q0; beyond, new coordinates are needed: `LocalODE.restart`.
+J is the tangent map at the displacement from q0. Every x of the ODE belongs to a state with g = 0 and G v + g_t = 0: no
+solver can drift off the constraints. The coordinates are valid near q0; beyond, new coordinates are needed, see
+`LocalODE.restart`.
 """
 
 from collections.abc import Mapping

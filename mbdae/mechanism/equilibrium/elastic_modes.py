@@ -27,14 +27,14 @@ class ElasticModes(NamedTuple):
         frequencies: natural frequencies w in rad/s, ascending, (m,).
         ratios: damping ratios, (m,).
         rows: eta = rows q for the coordinates of the modes, (m, k).
-        at, iq: indices of the modes among the velocities and in q, (k,).
+        iv, iq: indices of the modes among the velocities and in q, (k,).
         labels: body and mode with the largest elastic energy, ``"mode 4 of rod"``.
     """
 
     frequencies: Array
     ratios: Array
     rows: Array
-    at: Array
+    iv: Array
     iq: Array
     labels: tuple[str, ...]
 
@@ -54,13 +54,13 @@ def elastic_modes(system: "Index2System", t: float, q: Array) -> ElasticModes:
         joints += [find_joint(mech.model, name) for name in body.mode_joints]
         stiffness += body.modal.stiffness.tolist()
         damping += body.modal.damping.tolist()
-    k, d, at, iq = (np.array(x) for x in (stiffness, damping, [j.idx_v for j in joints], [j.idx_q for j in joints]))
+    k, d, iv, iq = (np.array(x) for x in (stiffness, damping, [j.idx_v for j in joints], [j.idx_q for j in joints]))
     free = constraint_null_space(U, system.closures(q, t)[1], mech.row_scales, mech.coordinate_scales)
-    Z = free.Z[at]
+    Z = free.Z[iv]
     squares, x = np.linalg.eigh(Z.T @ (k[:, None] * Z))
     elastic = squares > SUM_ROUNDING * squares[-1:].max(initial=0.0)
     X, w2 = Z @ x[:, elastic], squares[elastic]
     w = np.sqrt(w2)
     dominant = (k[:, None] * X * X).argmax(axis=0)
     ratios = np.einsum("im,i,im->m", X, d, X) / (2 * w)
-    return ElasticModes(w, ratios, (k[:, None] * X / w2).T, at, iq, tuple(names[i] for i in dominant))
+    return ElasticModes(w, ratios, (k[:, None] * X / w2).T, iv, iq, tuple(names[i] for i in dominant))

@@ -92,8 +92,8 @@ def linearize_at(statics: "Statics", balance: "ForceBalance") -> LinearMotion:
     B = np.vstack([partials.B, np.zeros((len(statics.rows), nv))])
     W = -free.minimum_norm_solution(B @ Zp) if len(G) else np.zeros((nv, Zp.shape[1]))
     ad = np.zeros((nv, nv))
-    for _, at, ad_of, _ in system.manifold.group_joints:
-        ad[at, at] = ad_of(v[at])
+    for _, block, ad_of, _ in system.manifold.group_joints:
+        ad[block, block] = ad_of(v[block])
     stiffness, damping = Z.T @ (K @ Zp + D @ W), Z.T @ D @ Z
     A = np.block([
         [Zp.T @ M @ (W - ad @ Zp), Zp.T @ M @ Z, np.zeros((Zp.shape[1], len(balance.s)))],
@@ -140,8 +140,8 @@ def require_steady(statics: "Statics", balance: "ForceBalance") -> None:
         raise InputError(f"this is neither an equilibrium nor a steady motion: {reason}")
     K, _, hq, hs = statics.partials(balance.q, balance.s, balance.lam)
     resting = v[statics.locked] == 0  # coordinates that move steadily need a constant torque
-    fixed, at = np.vstack([G, statics.rows[resting]]), np.append(np.ones(len(G), bool), resting)
-    moving = constraint_null_space(balance.free.U, fixed, statics.units[at], sizes.l).Z
+    fixed, mask = np.vstack([G, statics.rows[resting]]), np.append(np.ones(len(G), bool), resting)
+    moving = constraint_null_space(balance.free.U, fixed, statics.units[mask], sizes.l).Z
     change, scale = moving.T @ K @ v, VISIBLE * sizes.speed * (np.abs(moving.T) @ (balance.terms @ sizes.l))
     if (np.abs(change) > scale).any() or (np.abs(hq @ v) > VISIBLE * sizes.speed * (np.abs(hq) @ sizes.l)).any():
         name = system.mechanism.coordinate_joint(int((np.abs(moving @ change) / sizes.l).argmax()))

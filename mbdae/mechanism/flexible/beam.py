@@ -5,8 +5,8 @@
 along x of the body's frame, from its origin to (length, 0, 0), in both planes; k is the shear stiffness.
 Without shear (Euler-Bernoulli beams) theta = v', and cross-sections have rotary inertia only about x.
 
-Modes of each direction are computed for EI = rho A = 1: they do not depend on the density, and without shear neither on
-the modulus nor on the section. Their modal mass is the mass of the beam, so a modal coordinate is the
+Modes of each direction are computed for EI = rho A = 1: they do not depend on the density, and without shear they
+depend on neither the modulus nor the section. Their modal mass is the mass of the beam, so a modal coordinate is the
 root-mean-square deflection of its mode in m.
 
 Source of the elements: J. S. Przemieniecki, Theory of Matrix Structural Analysis (1968), chapter 11.
@@ -106,8 +106,8 @@ def beam(  # noqa: PLR0913 - the properties of a beam
     body = ModalBody.of_points(r, masses, Phi, per_length * length * shapes.squares, damping, found, Phi2)
     if polar_moment:
         body.I0[0, 0] = density * polar_moment * length
-    along = [_node(shapes, (*grid.node(x, "end"), x), stiffening, young, fibre) for x in grid.x.tolist()]
-    return replace(body, outline=OutlinePoints.along(along))
+    outline = [_node(shapes, (*grid.node(x, "end"), x), stiffening, young, fibre) for x in grid.x.tolist()]
+    return replace(body, outline=OutlinePoints.of_beam(outline))
 
 
 def _require_numbers(values: Mapping[str, float], positive: bool = False) -> None:

@@ -30,26 +30,26 @@ def calculix(path: Path) -> tuple[Array, csr_array, csr_array, Sets]:
         InputError: for a missing, incomplete or inconsistent file.
     """
     position, sets = _mesh(path)
-    columns, at = _columns_of_rows(path, position)
+    columns, index = _columns_of_rows(path, position)
     M, K = (_symmetric(path.with_suffix(suffix), np.array(columns, int)) for suffix in (".mas", ".sti"))
-    found = {name: [at[i] for i in dict.fromkeys(ids) if i in at] for name, ids in sets.items() if name}
-    return np.array([position[number] for number in at]), M, K, found
+    found = {name: [index[i] for i in dict.fromkeys(ids) if i in index] for name, ids in sets.items() if name}
+    return np.array([position[number] for number in index]), M, K, found
 
 
 def _columns_of_rows(path: Path, position: Mapping[int, object]) -> tuple[list[int], dict[int, int]]:
     """Return the displacement index of each row of the matrix files, and the indices of nodes by number."""
     rows = [_numbers(line.split("."), path.with_suffix(".dof")) for line in _text(path.with_suffix(".dof")).split()]
-    at = {number: i for i, number in enumerate(sorted({row[0] for row in rows}))}
-    columns = [3 * at[row[0]] + row[-1] - 1 for row in rows]
+    index = {number: i for i, number in enumerate(sorted({row[0] for row in rows}))}
+    columns = [3 * index[row[0]] + row[-1] - 1 for row in rows]
     if not columns:
         raise InputError(f"finite elements: {path.stem}.dof is empty")
-    if len(set(columns)) < len(columns) or not position.keys() >= at.keys():
+    if len(set(columns)) < len(columns) or not position.keys() >= index.keys():
         text = f"{path.stem}.dof has displacements of nodes that {path.name} does not have"
         raise InputError(f"finite elements: {text}: CalculiX expands beams and shells; use solids")
-    if len(columns) != 3 * len(at):
-        missing = 3 * len(at) - len(columns)
+    if len(columns) != 3 * len(index):
+        missing = 3 * len(index) - len(columns)
         raise InputError(f"finite elements: {path.stem}.dof: {missing} displacements are fixed; store a free body")
-    return columns, at
+    return columns, index
 
 
 def _mesh(path: Path) -> tuple[dict[int, list[float]], Sets]:
@@ -151,9 +151,9 @@ def _nodes_of(name: str, elements: Sets, corners: dict[int, list[int]]) -> list[
     return [node for i in elements[name] for node in corners.get(i, [])]
 
 
-def _symmetric(path: Path, at: Array) -> csr_array:
-    """Return a symmetric matrix from rows (i, j, value) of its upper triangle, i and j from 1."""
-    n, text = len(at), _text(path)
+def _symmetric(path: Path, displacements: Array) -> csr_array:
+    """Return a symmetric matrix of displacements from rows (i, j, value) of its upper triangle, i and j from 1."""
+    n, text = len(displacements), _text(path)
     try:
         data = np.loadtxt(StringIO(text), ndmin=2) if text.strip() else np.empty((0, 3))
     except ValueError as e:
@@ -168,4 +168,4 @@ def _symmetric(path: Path, at: Array) -> csr_array:
     if missing := n - len(set(i[~off_diagonal].tolist())):
         raise InputError(f"finite elements: {path.name} is incomplete: {missing} of {n} diagonal entries are missing")
     rows, columns = np.concatenate([i, j[off_diagonal]]), np.concatenate([j, i[off_diagonal]])
-    return csr_array((np.concatenate([x, x[off_diagonal]]), (at[rows], at[columns])), (n, n))
+    return csr_array((np.concatenate([x, x[off_diagonal]]), (displacements[rows], displacements[columns])), (n, n))

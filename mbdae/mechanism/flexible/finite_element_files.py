@@ -118,8 +118,8 @@ def _require_consistent(found: FiniteElements, path: Path) -> None:
         raise InputError(
             f"{prefix}: points (n, 3), M and K (3n, 3n) have the shapes {shapes[0]}, {shapes[1]}, {shapes[2]}"
         )
-    for name, at in found.sets.items():
-        if not all(0 <= i < n for i in at):
+    for name, nodes in found.sets.items():
+        if not all(0 <= i < n for i in nodes):
             raise InputError(f"{prefix}: the set {name!r} has points other than 0 to {n - 1}")
 
 

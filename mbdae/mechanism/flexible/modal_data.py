@@ -127,8 +127,8 @@ def _outline(arrays: Mapping[str, Array], prefix: str) -> OutlinePoints | None:
 
 def _first_modes(arrays: Mapping[str, Array], k: int, prefix: str) -> dict[str, Array]:
     """Return the numbers of the first k modes."""
-    if k > (number := len(arrays["stiffness"])):
-        raise InputError(f"{prefix} has {number} modes, got modes = {k}")
+    if k > (count := len(arrays["stiffness"])):
+        raise InputError(f"{prefix} has {count} modes, got modes = {k}")
     shapes, first = {**SHAPES, **OPTIONAL}, {"k": slice(k)}
     return {x: a[tuple(first.get(c, slice(None)) for c in shapes[x])] for x, a in arrays.items()}
 

@@ -45,7 +45,7 @@ class OutlinePoints:
     Phi2: Array | None = None
 
     @classmethod
-    def along(cls, nodes: Sequence[Node]) -> "OutlinePoints":
+    def of_beam(cls, nodes: Sequence[Node]) -> "OutlinePoints":
         """Return the outline of a beam from nodes along it."""
         second = [x.Phi2 for x in nodes if x.Phi2 is not None]
         r, Phi, Psi = (np.array([getattr(x, name) for x in nodes]) for name in ("r", "Phi", "Psi"))
@@ -60,8 +60,8 @@ class OutlinePoints:
             Phi: their displacements, (n, 3, k).
         """
         extremes = np.concatenate([r.argmin(axis=0), r.argmax(axis=0), np.linalg.norm(Phi, axis=1).argmax(axis=0)])
-        at = np.unique(extremes)
-        return cls(r[at], Phi[at])
+        indices = np.unique(extremes)
+        return cls(r[indices], Phi[indices])
 
     @property
     def sections(self) -> list[Node]:

@@ -53,6 +53,6 @@ class DCMotor(Force):
         R, L = self.resistance, self.inductance
         if not L:
             terms: list[Term] = [("tau", i, "u", 0, k / R), ("tau", i, "v", i, -k * k / R)]
-            return LinearElement(self.name, terms, signals=[self.voltage])
+            return LinearElement(self.name, terms, time_functions=[self.voltage])
         terms = [("tau", i, "s", 0, k), ("ds", 0, "u", 0, 1 / L), ("ds", 0, "s", 0, -R / L), ("ds", 0, "v", i, -k / L)]
-        return LinearElement(self.name, terms, signals=[self.voltage], states={"current": self.current})
+        return LinearElement(self.name, terms, time_functions=[self.voltage], states={"current": self.current})

@@ -46,7 +46,7 @@ class ForceElements:
             self.acting.insert(0, (Linear(linear, model, self.ns), slice(0, self.ns)))
         self._external = [(law, at) for law, at in self.bound if law.external]
         jumps = ForceElement.breakpoint
-        self.time_dependent = [law for law, _ in self.bound if law.signals or type(law).breakpoint is not jumps]
+        self.time_dependent = [law for law, _ in self.bound if law.time_functions or type(law).breakpoint is not jumps]
         self._without_potential = [type(law).potential is ForceElement.potential for law, _ in self.acting]
 
     def attached(self, system: "Index2System") -> Self:
@@ -135,7 +135,7 @@ class ForceElements:
 
     def nonsmooth_times(self) -> list[float]:
         """Return the times at which functions of time in the laws are not smooth."""
-        return sorted({x for law in self.time_dependent for signal in law.signals for x in signal.nonsmooth_times})
+        return sorted({x for law in self.time_dependent for u in law.time_functions for x in u.nonsmooth_times})
 
     def breakpoint(self, t: float, sign: float) -> float:
         """Return the next time after t, in the direction of sign, at which a law may jump; sign * inf if none."""

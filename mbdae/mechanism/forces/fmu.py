@@ -243,7 +243,7 @@ class FmuElement(SampledElement):
             x.input.set(x.setting(s), notify)
 
     def sampler(self, at: slice) -> CoreData:
-        return super().sampler(at) | {"inputs": [x.core_data(at) for x in self.held if x.input.number >= 0]}
+        return super().sampler(at) | {"inputs": [x.core_data(at) for x in self.held if x.input.index >= 0]}
 
     def _inputs(self, t: float, y: Array) -> tuple[float, ...]:
         return tuple(x if isinstance(x, float) else self._evaluate(x, t, y) for x in self._signals)

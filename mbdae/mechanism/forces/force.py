@@ -66,15 +66,15 @@ class ForceElement:
 
     Args:
         name: name in messages.
-        signals: the functions of time that the law depends on.
+        time_functions: the functions of time that the law depends on.
         states: names and initial values of its ns states.
     """
 
     def __init__(
-        self, name: str, signals: Sequence[TimeFunction] = (), states: Mapping[str, float] | None = None
+        self, name: str, time_functions: Sequence[TimeFunction] = (), states: Mapping[str, float] | None = None
     ) -> None:
         self.name, self.states = name, dict(states or {})
-        self.signals = [s for s in signals if not isinstance(s, Constant)]
+        self.time_functions = [u for u in time_functions if not isinstance(u, Constant)]
 
     def evaluate(self, t: float, q: Array, v: Array, s: Array) -> tuple[ArrayOrZero, ArrayOrZero, ArrayOrZero]:
         """Return the conservative and the non-conservative part of tau, (nv,) each, and s' (ns,), or 0 for each."""
@@ -125,7 +125,7 @@ class ForceElement:
 
     def breakpoint(self, t: float, sign: float) -> float:
         """Return the next time after t, in the direction of sign, at which the law may jump; sign * inf if none."""
-        return sign * min((sign * s.breakpoint(t, sign) for s in self.signals), default=inf)
+        return sign * min((sign * u.breakpoint(t, sign) for u in self.time_functions), default=inf)
 
     def jump(self, t: float, q: Array, v: Array, s: Array, at: slice) -> Array:
         """Return its states s[at] after a jump at time t, for the s of all laws; kinematics need not be current."""

@@ -37,4 +37,4 @@ class HeldInput(NamedTuple):
         """Return the core data; the states of the law are s[at]."""
         first = self.rate is not None
         rate, instant = (at.start + self.value + 1, at.stop - 2) if first else (-1, -1)
-        return {"input": self.input.number, "value": at.start + self.value, "rate": rate, "instant": instant}
+        return {"input": self.input.index, "value": at.start + self.value, "rate": rate, "instant": instant}

@@ -47,8 +47,8 @@ class JointElement(ForceElement):
         out, (x, u) = np.zeros((nv + 1, 2 * nv)), self._coordinates(q, v)
         perturbed = ((0, x + step, u), (nv, x, u + step)) if self.columns else ((nv, x, u + step),)
         for offset, *point in perturbed:
-            spring, other = map(np.asarray, self.effort(*point))
-            out[i, offset + i] = (spring + other).imag / COMPLEX_STEP
+            conservative, other = map(np.asarray, self.effort(*point))
+            out[i, offset + i] = (conservative + other).imag / COMPLEX_STEP
             out[-1, offset + i] = (other * point[1]).imag / COMPLEX_STEP  # gradient of the power
         return out
 

@@ -77,9 +77,9 @@ class JointPID(Force):
         terms: list[Term] = [("tau", i, "u", 0, self.kp), ("tau", i, x, ix, -self.kp)]
         terms += [("tau", i, "du", 0, self.kd), ("tau", i, "v", i, -self.kd)]
         if not self.ki:
-            return LinearElement(self.name, terms, signals=[self.reference])
+            return LinearElement(self.name, terms, time_functions=[self.reference])
         terms += [("tau", i, "s", 0, self.ki), ("ds", 0, "u", 0, 1.0), ("ds", 0, x, ix, -1.0)]
-        return LinearElement(self.name, terms, signals=[self.reference], states={"integral": self.integral})
+        return LinearElement(self.name, terms, time_functions=[self.reference], states={"integral": self.integral})
 
     def _sampled(self, ix: int, iv: int, period: float) -> Sample:
         def sample(t: float, q: Array, v: Array, s: Array) -> tuple[Array, Array]:

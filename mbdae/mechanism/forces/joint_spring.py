@@ -99,6 +99,6 @@ class CurveElement(JointElement):
         return float((self.integral(self.deflection(q)) - self.integral(0.0)).sum())
 
     def core_data(self) -> CoreData:
-        signals = [PiecewisePolynomial.from_ppoly(x).core_data() for x in (self.curve, self.integral)]
+        functions = [PiecewisePolynomial.from_ppoly(x).core_data() for x in (self.curve, self.integral)]
         indices = {"rows": self.rows, "columns": self.columns, "a": [self.rest, self.damping]}
-        return {"kind": "curve", **indices, "signals": signals}
+        return {"kind": "curve", **indices, "signals": functions}

@@ -51,4 +51,4 @@ class JointTorque(Force):
             columns = (("1", 0), ("q", j.idx_q), ("v", j.idx_v))
             biases = zip(columns, self.bias, strict=True)
             terms += [("tau", j.idx_v, column, x, b) for (column, x), b in biases if column != "q" or j.nq == 1]
-        return LinearElement(self.name, terms, signals=values)
+        return LinearElement(self.name, terms, time_functions=values)

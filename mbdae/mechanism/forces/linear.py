@@ -38,7 +38,7 @@ class LinearElement(ForceElement):
         name: name in messages.
         terms: the entries of C.
         springs: springs in joints.
-        signals: u, functions of time.
+        time_functions: u, functions of time.
         states: names and initial values of s.
     """
 
@@ -48,12 +48,12 @@ class LinearElement(ForceElement):
         terms: Sequence[Term] = (),
         *,
         springs: Sequence[Spring] = (),
-        signals: Sequence[TimeFunction] = (),
+        time_functions: Sequence[TimeFunction] = (),
         states: Mapping[str, float] | None = None,
     ) -> None:
-        super().__init__(name, signals, states)
-        self.terms, self.springs, self.u = terms, springs, signals
-        self.differentiated = [signals[j] for _, _, column, j, value in terms if ORDERS.get(column) and value]
+        super().__init__(name, time_functions, states)
+        self.terms, self.springs, self.u = terms, springs, time_functions
+        self.differentiated = [time_functions[j] for _, _, column, j, value in terms if ORDERS.get(column) and value]
         self.deflections = [(spring.iv, "") for spring in springs]
 
     def acting_components(self, nv: int) -> list[int]:

@@ -29,7 +29,7 @@ from .mechanism_file.table_entries import first_key, with_entries
 from .mechanism_file.template import Template
 
 INERTIAL = ("mass", "com", "inertia")  # keys of bodies
-UNSYMMETRIC = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (3.0, 4.0, 5.0, 0.1, 0.2, 0.3)}
+ASYMMETRIC = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (3.0, 4.0, 5.0, 0.1, 0.2, 0.3)}
 UPPER = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # entries of an inertia in the core
 VALUE_KEYS = ("a", "offset")  # keys of the values of a law in the core
 Values = Mapping[str, Any]
@@ -126,8 +126,8 @@ class _Forces(_ParametrizedElement):
     def evaluate(self, values: Values) -> list[float] | None:
         laws, groups = list(self.laws), defaultdict[int, dict[str, tuple[str, Any]]](dict)
         for name, path in self.paths.items():
-            at, _, key = path.partition(".")
-            groups[int(at)][name] = key, values[name]
+            index, _, key = path.partition(".")
+            groups[int(index)][name] = key, values[name]
         for i, entries in groups.items():
             force: Any = named_force(with_entries(self.mech.forces[i], entries), i)
             laws[i] = force.bind(self.mech.model, self.data)
@@ -213,8 +213,8 @@ def _elements(
         table, _, path = name.partition(".")
         if table == "gravity":
             found.setdefault(table, _Gravity(mech.gravity)).paths[name] = path
-        elif table == "force" and (at := _path_of_force(mech, name)):
-            (found[table] if table in found else found.setdefault(table, _Forces(mech))).paths[name] = at
+        elif table == "force" and (force_path := _path_of_force(mech, name)):
+            (found[table] if table in found else found.setdefault(table, _Forces(mech))).paths[name] = force_path
         elif name not in template.parameters and (owner := next((x for x in bodies if name in bodies[x].paths), "")):
             found[owner] = bodies[owner]
         else:
@@ -263,7 +263,7 @@ def _are_single_bodies(template: Template, found: InPlaceParameters, values: Val
     if not owners:
         return True
     given = {name: x for name, x in values.items() if not any(name in element.paths for element in found.bodies)}
-    given |= {f"{owner}.{key}": x for owner in owners for key, x in UNSYMMETRIC.items()}
+    given |= {f"{owner}.{key}": x for owner in owners for key, x in ASYMMETRIC.items()}
     made = template.make(given).model
-    expected = body_inertia(Body(name="body", parent="", **UNSYMMETRIC))
+    expected = body_inertia(Body(name="body", parent="", **ASYMMETRIC))
     return all(made.inertias[element.joint] == expected for element in found.bodies)

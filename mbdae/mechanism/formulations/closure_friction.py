@@ -269,7 +269,7 @@ def _require_supported(force: CoulombFriction, closure: Closure) -> None:
     if not closure.friction or (rolling and rolling.contact is False):
         known = ", ".join(kind for kind, c in KINDS.items() if c.friction)
         raise InputError(f"coulomb_friction is for closures of kind {known}; {closure.name!r} is of another kind")
-    _require_valid_grip(force, closure, rolling.tangents if rolling else ())
+    _require_valid_grip(force, closure, rolling.no_slip_angles if rolling else ())
     rotates = closure.friction in ROTATIONAL
     if (force.radius is None) == rotates:
         expected = "needs the radius of its bearing" if rotates else "slides: radius does not belong to it"

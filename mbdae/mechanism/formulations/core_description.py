@@ -133,7 +133,7 @@ def _frame(a: Anchor) -> CoreData:
 
 def inputs_of(system: "CompiledSystem") -> list[Input]:
     """Return the inputs of forces and drivers, and register the workspace for their later settings."""
-    forcing = [u for law, _ in system.laws.bound for u in law.signals]
+    forcing = [u for law, _ in system.laws.bound for u in law.time_functions]
     sampled = [u for law, _ in system.laws.bound if isinstance(law, SampledElement) for u in law.references]
     motions = [d.path for d in system.mechanism.drivers]
     found = [u for u in (*forcing, *sampled, *motions) if isinstance(u, Input)]

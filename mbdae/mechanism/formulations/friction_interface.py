@@ -24,7 +24,7 @@ MIN_COSINE = 0.7  # cosine of the rotation of a slip direction within one step: 
 
 
 def smallest_slip(mechanism: "Mechanism", rtol: float) -> float:
-    """Return the speed in m/s below which the slip direction is undefined in a run with rtol, 0 for one point.
+    """Return the speed in m/s below which the slip direction is undefined in a run; ``rtol`` is 0 for a single point.
 
     A slip in two directions rotates towards the other forces at the rate F / (m |v|) before it comes to rest. Error
     control does not resolve this rotation where |v| is as small as the errors.
@@ -39,7 +39,7 @@ class FrictionInterface(NamedTuple):
         force: the friction force of the mechanism.
         closure: closure whose reaction causes the friction.
         pair: frames of the closure.
-        rows: rows whose multipliers make up F.
+        rows: rows whose multipliers are the components of the reaction that causes the friction.
         no_slip_rows: no-slip rows that may slide.
     """
 

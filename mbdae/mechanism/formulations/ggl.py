@@ -117,9 +117,9 @@ class GGLChart(Index2Chart):
         return np.concatenate([self.v + carry[:nv], carry[nv:]]), np.empty(0)
 
     def solve_stage(
-        self, that: float, x: Array, v: Array, xhat: Array, factor: float, U: Array, G: Array
+        self, t_hat: float, x: Array, v: Array, xhat: Array, factor: float, U: Array, G: Array
     ) -> tuple[Array, Array]:
-        """Return x' (nv,), and G (r, nv) where the stage satisfies 0 = g(that, q_n (+) (xhat + factor x')).
+        """Return x' (nv,), and G (r, nv) where the stage satisfies 0 = g(t_hat, q_n (+) (xhat + factor x')).
 
         Newton's method solves for mu.
 
@@ -129,25 +129,25 @@ class GGLChart(Index2Chart):
         s, m = self.system, self.system.manifold
         self.mu, self._x = np.zeros(len(self.position_rows)), x
         if not len(self.position_rows):
-            return super().solve_stage(that, x, v, xhat, factor, U, G)
+            return super().solve_stage(t_hat, x, v, xhat, factor, U, G)
         self._MinvGT_p = MinvGT = lapack().dpotrs(U, G[self.position_rows].T)[0]
         B, dx = m.tangent(x, MinvGT), m.tangent(x, v)
         mech = s.mechanism
         last, scale = np.inf, 1 + np.abs(self.q / mech.q_scales).max()
         for _ in range(ITERATIONS):
             xhat_i = xhat + factor * dx
-            g, Ghat = s.closures(m.integrate(self.q, xhat_i), that)
+            g, Ghat = s.closures(m.integrate(self.q, xhat_i), t_hat)
             rates = Ghat[self.position_rows] @ m.velocity(xhat_i, B)
             _, _, dmu, info = lapack().dgesv(factor * rates, -g[self.position_rows])
             size = abs(factor) * np.abs(B @ dmu / mech.coordinate_scales).max()
             if info or not np.isfinite(size):
                 break
             if size <= ROUNDING * scale or (size > 0.5 * last and size <= SEARCH_TOLERANCE * scale):
-                self._require_satisfied(that, g, m.integrate(self.q, xhat_i))
+                self._require_satisfied(t_hat, g, m.integrate(self.q, xhat_i))
                 s.velocity_correction = MinvGT @ self.mu
                 return dx, Ghat[self.rows]
             self.mu, dx, last = self.mu + dmu, dx + B @ dmu, size
-        raise StepError("newton", f"Newton's method for the positions of the closures diverges at t = {that:.17g}")
+        raise StepError("newton", f"Newton's method for the positions of the closures diverges at t = {t_hat:.17g}")
 
     def _require_satisfied(self, t: float, g: Array, q: Array) -> None:
         mech = self.system.mechanism

@@ -62,13 +62,13 @@ class Index1System(Index2System):
         super().update_independent_rows(t, state)
         return state
 
-    def normal(self, y: Array) -> Array:
+    def normalized(self, y: Array) -> Array:
         """Return the point of raw coordinates with normalized quaternions and (cos, sin) pairs."""
         return np.concatenate([self.manifold.normalized(y[: self.nq]), y[self.nq :]])
 
     def rate(self, t: float, y: Array) -> tuple[Array, Array]:
         """Return dy/dt = (T v, v', w') in raw coordinates, (nq + nv + 1,), and lam (ng,)."""
-        y = self.normal(y)
+        y = self.normalized(y)
         F, lam = self.derivative(t, y)
         if self.manifold.flat:
             return F, lam
@@ -79,7 +79,7 @@ class Index1System(Index2System):
 class Index1Chart(Index2Chart):
     """Step in coordinates (x, v, s, w) whose stages satisfy only the hidden constraint."""
 
-    def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:
+    def stage(self, t: float, x: Array, t_hat: float, xhat: Array, factor: float) -> tuple[Array, Array]:
         """Return (x', v', s', w') and lam of all rows, (ng,); ``that``, ``xhat`` and ``factor`` are not used."""
         s, nv = self.system, self.system.nv
         F, lam = s.derivative(t, s.add(self.y, x))

@@ -1,4 +1,4 @@
-"""Invariants and constraint residuals of a run, at many points."""
+"""Constraint residuals and energies of a run, at many points."""
 
 from typing import TYPE_CHECKING
 

@@ -73,19 +73,19 @@ class _BoundIteration:
 
     def __init__(self, C: Array, c: Array, lower: Array, upper: Array, limits: dict[int, FrictionBound]) -> None:
         self.C, self.c, self.lower, self.upper = C, c, lower, upper
-        self.at, self.normal = np.array(list(limits)), np.array([x.normal for x in limits.values()])
+        self.tangential, self.normal = np.array(list(limits)), np.array([x.normal for x in limits.values()])
         self.friction = np.array([x.friction for x in limits.values()])
         self.sliding_ratio = np.array([x.sliding_ratio for x in limits.values()])
         self.slides = ~np.isnan(self.sliding_ratio)
 
     def multipliers(self, bound: Array) -> Array:
         """Return the multipliers (k,) for given friction bounds, (m,)."""
-        x, at, slides = np.zeros(len(self.c)), self.at, self.slides
-        x[at[slides]] = self.sliding_ratio[slides] * bound[slides]
+        x, tangential, slides = np.zeros(len(self.c)), self.tangential, self.slides
+        x[tangential[slides]] = self.sliding_ratio[slides] * bound[slides]
         free = np.ones(len(x), bool)
-        free[at[slides | (bound == 0)]] = False
+        free[tangential[slides | (bound == 0)]] = False
         low, high = self.lower.copy(), self.upper.copy()
-        low[at], high[at] = -bound, bound
+        low[tangential], high[tangential] = -bound, bound
         if free.any():
             C = self.C[:, free]
             x[free] = solve_box_lcp(C, self.c[free] + C.T @ (self.C @ x), low[free], high[free])

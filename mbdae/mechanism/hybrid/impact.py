@@ -232,8 +232,8 @@ class _ImpactProblem:
         bilateral = dict.fromkeys([*self._bilateral_rows()[stage.active].tolist(), *sorted(sticking)])
         laws = [(s.row, e, i if s.sign * speeds[0][s.row] < 0 else -1) for i, s, e in contacts]
         rows, restitution, switches = np.array([*laws, *((row, 0.0, -1) for row in bilateral)]).reshape(-1, 3).T
-        impulses, at = self._impulses(stage), rows.astype(int)
-        return RowImpact(stage.before, stage.after, impulses, at, restitution, switches.astype(int), sliding)
+        impulses, indices = self._impulses(stage), rows.astype(int)
+        return RowImpact(stage.before, stage.after, impulses, indices, restitution, switches.astype(int), sliding)
 
     def _contacts_with_impulse(self, stage: ImpactStage) -> list[tuple[int, ImpactRow, float]]:
         """Return the contacts with an impulse: switch, row and coefficient of restitution."""

@@ -93,8 +93,8 @@ class ModePoint:
     def null_multipliers(self) -> Array:
         """A basis N (ng, k) of the null space of G^T in the mode, G^T N = 0."""
         active = np.setdiff1d(np.arange(self.system.ng), self.system.constraints.inactive)
-        left, sizes, _ = np.linalg.svd(self.G[active])
-        r = int(np.count_nonzero(sizes > PIVOT_RANK * sizes[:1]))
+        left, singular_values, _ = np.linalg.svd(self.G[active])
+        r = int(np.count_nonzero(singular_values > PIVOT_RANK * singular_values[:1]))
         out = np.zeros((self.system.ng, len(active) - r))
         out[active] = left[:, r:]
         return out

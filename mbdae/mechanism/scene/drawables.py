@@ -121,7 +121,7 @@ def motions(scene: Scene, q: Array) -> list[Motion]:
     """Return the motion of each drawable at configurations q (m, nq)."""
     placements = scene.placements(q).swapaxes(0, 1)
     ends = scene.end_points(scene.springs, q).swapaxes(0, 1)
-    out = [{"position": Track(p[:, :3]), "rotation": Track(continuous(p[:, 3:]))} for p in placements]
+    out = [{"position": Track(p[:, :3]), "rotation": Track(with_continuous_signs(p[:, 3:]))} for p in placements]
     return [*out, *(m for s, e in zip(scene.springs, ends, strict=True) for m in _spring_motions(s, e))]
 
 
@@ -184,11 +184,11 @@ def _spring_motions(spring: Strut, ends: Array) -> Iterator[Motion]:
             yield {
                 "position": Track(first + unit * ((low + high) / 2)[:, None]),
                 "rotation": rotation,
-                "scale": Track(along(np.maximum(high - low, INPUT_DIGITS * spring.length))),
+                "scale": Track(stretch_scales(np.maximum(high - low, INPUT_DIGITS * spring.length))),
             }
 
 
-def along(z: Array) -> Array:
+def stretch_scales(z: Array) -> Array:
     """Return scales (m, 3) that stretch along z only."""
     return np.column_stack([np.ones_like(z), np.ones_like(z), z])
 
@@ -198,10 +198,10 @@ def aligned_quaternions(directions: Array) -> Array:
     d = directions / np.maximum(np.linalg.norm(directions, axis=1), TINY)[:, None]
     out = np.column_stack([-d[:, 1], d[:, 0], np.zeros(len(d)), 1 + d[:, 2]])
     out[1 + d[:, 2] < COINCIDENT] = 1, 0, 0, 0
-    return continuous(out / np.linalg.norm(out, axis=1)[:, None])
+    return with_continuous_signs(out / np.linalg.norm(out, axis=1)[:, None])
 
 
-def continuous(quaternions: Array) -> Array:
+def with_continuous_signs(quaternions: Array) -> Array:
     """Return unit quaternions (m, 4) with signs such that successive quaternions are close."""
     dots = np.einsum("ij,ij->i", quaternions[1:], quaternions[:-1])
     signs = np.cumprod(np.concatenate([[1.0], np.where(dots < 0, -1.0, 1.0)]))

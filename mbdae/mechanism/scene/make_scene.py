@@ -53,16 +53,16 @@ def make_scene(
     points = _points(model, closures)
     size = stick_figure.proportions(model, points, _lengths(closures, rolling_shown), corners)
     drawn = {body.joint for body in rolling_shown} | flexible_joints(model)
-    parts = [
+    generated = [
         *stick_figure.generate(model, points, size, with_visuals, drawn, hidden_joints(model)),
         *draw(rolling_shown),
         *draw_outlines((curve for curve in outlines if curve.joint not in with_visuals), 1.5 * size.width),
         *_marked(closures, with_visuals, size.width),
     ]
     rods = [Rod(c.name, c.first, c.second, c.rod) for c in closures if c.rod > 0] + list(flexible_links(model))
-    shapes += [_shape(role, g, meshes) for role, g in parts]
+    shapes += [_shape(role, g, meshes) for role, g in generated]
     shapes += [_shape("link", stick_figure.rod(rod.name, rod.length, size.width), meshes) for rod in rods]
-    anchors: list[tuple[Anchor, ...]] = [_fixed(g) for g in (*visuals, *(g for _, g in parts))]
+    anchors: list[tuple[Anchor, ...]] = [_fixed(g) for g in (*visuals, *(g for _, g in generated))]
     anchors += [(rod.first, rod.second) for rod in rods]
     named, rails = tuple(_uniquely_named(shapes)), _rails(model, shapes)
     return Scene(named, with_rods(model), tuple(anchors), size.width, closures, tuple(springs), ground, rails)
@@ -72,8 +72,8 @@ def _visuals_and_ground(visual_model: pin.GeometryModel | None) -> tuple[list[pi
     """Return the visuals other than ground planes, and the height of the highest ground plane, if there is one."""
     visuals = list(visual_model.geometryObjects) if visual_model is not None else []
     levels = [ground_level(g) for g in visuals]
-    above = [g for g, level in zip(visuals, levels, strict=True) if level is None]
-    return above, max((x for x in levels if x is not None), default=None)
+    others = [g for g, level in zip(visuals, levels, strict=True) if level is None]
+    return others, max((x for x in levels if x is not None), default=None)
 
 
 def _corners(visuals: Iterable[pin.GeometryObject], shapes: Iterable[Shape]) -> list[stick_figure.Point]:

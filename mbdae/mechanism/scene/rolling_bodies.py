@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from .shapes import mesh
-from .stick_figure import GROUND_COLOUR, JOINT_COLOUR, LINK_COLOURS, ShapeWithRole, along, coloured
+from .stick_figure import GROUND_COLOUR, JOINT_COLOUR, LINK_COLOURS, ShapeWithRole, coloured, frame_along
 
 THICKNESS = 0.04  # fraction of the radius: half the thickness of a drawn knife edge
 SPOKES, RING_SEGMENTS, SECTION_SEGMENTS = 6, 48, 10
@@ -46,7 +46,7 @@ def draw(bodies: Iterable[RollingBody]) -> Iterator[ShapeWithRole]:
             placement = body.placement * pin.SE3(np.eye(3), np.array(body.centre))
             yield coloured("link", body.name, body.joint, placement, coal.Ellipsoid(*body.semi_axes), colour)
         elif body.axle is None or body.rim < body.tyre:
-            rotation = along(np.zeros(3), np.array([0.0, 0.0, 1.0]) if body.axle is None else body.axle)
+            rotation = frame_along(np.zeros(3), np.array([0.0, 0.0, 1.0]) if body.axle is None else body.axle)
             belt = coal.Cylinder(1.003 * (body.rim + body.tyre), 0.2 * body.tyre)
             ball = coal.Sphere(body.rim + body.tyre)
             yield coloured("link", body.name, body.joint, body.placement, ball, colour)
@@ -58,7 +58,7 @@ def draw(bodies: Iterable[RollingBody]) -> Iterator[ShapeWithRole]:
 def _wheel(body: RollingBody, marked: str) -> Iterator[ShapeWithRole]:
     outer = body.rim + body.tyre
     thickness = max(body.tyre, THICKNESS * outer)
-    placement = body.placement * along(np.zeros(3), np.asarray(body.axle))
+    placement = body.placement * frame_along(np.zeros(3), np.asarray(body.axle))
     yield coloured(
         "link", f"{body.name} tyre", body.joint, placement, _torus(outer - thickness, thickness), JOINT_COLOUR
     )
@@ -69,7 +69,7 @@ def _wheel(body: RollingBody, marked: str) -> Iterator[ShapeWithRole]:
         end = (outer - thickness) * np.array([np.cos(angle), np.sin(angle), 0.0])
         spoke = coal.Cylinder((2 if k == 0 else 1) * THICKNESS * outer / 2, outer - thickness)  # a thick one marks 0
         shade = GROUND_COLOUR if k else marked
-        yield coloured("link", f"{body.name} spoke", body.joint, placement * along(end / 2, end), spoke, shade)
+        yield coloured("link", f"{body.name} spoke", body.joint, placement * frame_along(end / 2, end), spoke, shade)
 
 
 def _torus(radius: float, section: float) -> coal.BVHModelOBBRSS:

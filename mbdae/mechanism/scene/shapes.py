@@ -22,7 +22,7 @@ SOLIDS = {  # shape class, sizes, and number of sizes by kind
     "ellipsoid": (coal.Ellipsoid, lambda s: list(s.radii), 3),
     "box": (coal.Box, lambda s: list(2 * s.halfSide), 3),
 }
-HORIZONTAL = 1 - COINCIDENT  # cosine of the inclination of a horizontal plane
+MIN_LEVEL_COSINE = 1 - COINCIDENT  # cosine of the inclination, up to which a plane counts as horizontal
 UP = np.array([0.0, 0.0, 1.0])
 MAX_BYTES = 2**28  # bytes of points or faces: packed data may expand to a thousand times its size
 Size = Annotated[float, Field(ge=0)]
@@ -52,7 +52,7 @@ def pack(visuals: pin.GeometryModel) -> JsonObject:
     """Return solids and triangle meshes as data; a mesh shared by several shapes is stored once."""
     shapes: list[JsonObject] = []
     meshes: list[dict[str, str]] = []
-    numbers: dict[tuple[str, str], int] = {}
+    indices: dict[tuple[str, str], int] = {}
     for g in visuals.geometryObjects:
         shape: JsonObject = {
             "name": g.name,
@@ -69,10 +69,10 @@ def pack(visuals: pin.GeometryModel) -> JsonObject:
             points = g.geometry.vertices()
             faces = [[g.geometry.tri_indices(k)[i] for i in range(3)] for k in range(g.geometry.num_tris)]
             mesh = {"points": _packed(points, "<f4"), "faces": _packed(faces, "<i4")}
-            number = numbers.setdefault((mesh["points"], mesh["faces"]), len(meshes))
-            if number == len(meshes):
+            index = indices.setdefault((mesh["points"], mesh["faces"]), len(meshes))
+            if index == len(meshes):
                 meshes.append(mesh)
-            shape |= {"kind": "mesh", "mesh": number}
+            shape |= {"kind": "mesh", "mesh": index}
         shapes.append(shape)
     return {"shapes": shapes, "meshes": meshes}
 
@@ -119,7 +119,7 @@ def ground_level(g: pin.GeometryObject) -> float | None:
     """Return the height of a fixed horizontal plane [m]; None for other geometry."""
     if not isinstance(g.geometry, coal.Halfspace) or g.parentJoint:
         return None
-    if (g.placement.rotation @ g.geometry.n)[2] < HORIZONTAL:
+    if (g.placement.rotation @ g.geometry.n)[2] < MIN_LEVEL_COSINE:
         return None
     return float(g.placement.act(g.geometry.n * g.geometry.d)[2])
 

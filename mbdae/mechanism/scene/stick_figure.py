@@ -131,7 +131,7 @@ def pin_shapes(
         yield coloured("joint", f"{name} pin", joint, placement, coal.Sphere(1.9 * width), JOINT_COLOUR)
     else:
         shape = coal.Cylinder(1.8 * width, 6 * width)
-        yield coloured("joint", f"{name} pin", joint, placement * along(np.zeros(3), axis), shape, JOINT_COLOUR)
+        yield coloured("joint", f"{name} pin", joint, placement * frame_along(np.zeros(3), axis), shape, JOINT_COLOUR)
 
 
 def _body(model: pin.Model, i: int, points: Sequence[Point], size: Proportions) -> Iterator[ShapeWithRole]:
@@ -139,17 +139,17 @@ def _body(model: pin.Model, i: int, points: Sequence[Point], size: Proportions) 
     inertia = model.inertias[i]
     ends = _ends(model, i, points)
     for end in ends:
-        yield coloured("link", f"{name} link", i, along(end / 2, end), _capsule(end, width), colour)
+        yield coloured("link", f"{name} link", i, frame_along(end / 2, end), _capsule(end, width), colour)
     if ends or inertia.mass <= 0:
         return
     com = inertia.lever
     if np.linalg.norm(com) > 3 * width:
-        yield coloured("link", f"{name} link", i, along(com / 2, com), _capsule(com, width), colour)
+        yield coloured("link", f"{name} link", i, frame_along(com / 2, com), _capsule(com, width), colour)
         ball = coal.Sphere(2.5 * width)
         yield coloured("link", f"{name} mass", i, pin.SE3(np.eye(3), com), ball, colour)
         return
     if (axis := _axis(model, i)) is not None and (disc := _disc(inertia, axis, width)):
-        placement = along(com, axis)
+        placement = frame_along(com, axis)
         yield coloured("link", f"{name} body", i, placement, coal.Cylinder(*disc), colour)
         offset = pin.SE3(np.eye(3), np.array([0.5 * disc[0], 0.0, 0.0]))
         spoke = coal.Box(0.8 * disc[0], width, disc[1] + 0.6 * width)  # to show the rotation
@@ -194,9 +194,9 @@ def _joint(
         return
     if angular.any():
         cylinder = coal.Cylinder(1.8 * width, 6 * width)
-        yield coloured("joint", name, i, along(np.zeros(3), angular[:, 0]), cylinder, JOINT_COLOUR)
+        yield coloured("joint", name, i, frame_along(np.zeros(3), angular[:, 0]), cylinder, JOINT_COLOUR)
         return
-    axis = along(np.zeros(3), linear[:, 0])
+    axis = frame_along(np.zeros(3), linear[:, 0])
     box = coal.Box(3.6 * width, 3.6 * width, 7 * width)
     yield coloured("joint", name, i, axis, box, JOINT_COLOUR)
     on_body = _rail_extent(model, i, linear[:, 0], points, size)
@@ -253,7 +253,7 @@ def _motion_subspaces(model: pin.Model) -> list[np.ndarray]:
     return [np.empty((6, 0)), *(subspace(joint) for joint in list(model.joints)[1:])]
 
 
-def along(origin: np.ndarray, direction: np.ndarray) -> pin.SE3:
+def frame_along(origin: np.ndarray, direction: np.ndarray) -> pin.SE3:
     """Return a frame with z along a direction."""
     return pin.SE3(pin.Quaternion.FromTwoVectors(pin.ZAxis, np.array(direction)), np.array(origin))
 

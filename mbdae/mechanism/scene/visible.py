@@ -14,7 +14,7 @@ FLAT = 0.3  # fraction of the widest extent: thinner scenes are shown without pe
 FAR = 2.5  # path length, in sizes of a mechanism, above which the camera follows it
 MARGIN = 0.2  # fraction of the size of the moving shapes: resting shapes are shown within this margin
 CORNERS = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, -1).T  # corners of a box
-COUNT = 150  # number of directions on a sphere in which extreme points are kept
+DIRECTION_COUNT = 150  # number of directions on a sphere in which extreme points are kept
 
 
 class Visible(NamedTuple):
@@ -87,8 +87,8 @@ def bounds(scene: Scene, q: Array) -> Array:
 
 def _directions() -> Array:
     """Return unit vectors along a golden-angle spiral on the sphere and along the axes, (n, 3)."""
-    k = np.arange(COUNT) + 0.5
-    up, angle = 1 - 2 * k / COUNT, np.pi * (1 + 5**0.5) * k
+    k = np.arange(DIRECTION_COUNT) + 0.5
+    up, angle = 1 - 2 * k / DIRECTION_COUNT, np.pi * (1 + 5**0.5) * k
     side = np.sqrt(1 - up * up)
     return np.concatenate([np.column_stack([side * np.cos(angle), side * np.sin(angle), up]), np.eye(3), -np.eye(3)])
 

@@ -11,9 +11,9 @@ def deformation_derivatives(motion: MotionTangent) -> Array:
     """Return derivatives of the columns of `mbdae.mechanism.signals.deformation`, (n, m)."""
     model, out = motion.model, list[Array]()
     rates = motion.parameters.cached("fibres", None, lambda: _fibre_rates(motion))
-    for i, (_, node, at) in enumerate(nodes_of(model)):
-        x = motion.q[at]
-        first = next(j for j in model.joints if j.idx_q == at.start and j.nq).idx_v
+    for i, (_, node, modes) in enumerate(nodes_of(model)):
+        x = motion.q[modes]
+        first = next(j for j in model.joints if j.idx_q == modes.start and j.nq).idx_v
         dx = motion.d.q[first : first + len(x)]
         out += [*(node.displaced(x)[1] @ dx)]
         if node.strain is not None:

@@ -49,11 +49,11 @@ def friction_power_derivatives(motion: MotionTangent) -> Array:
 def _joint_force(motion: MotionTangent, law: ForceElement, index: int) -> list[Array]:
     """Return the derivatives of a force along coordinates, and of its power."""
     t, q, v, d, nv = motion.t, motion.q, motion.v, motion.d, len(motion.v)
-    at = motion.system.laws.bound[index][1]
-    element, s = ForceElements([law], motion.model), motion.s[at]
+    span = motion.system.laws.bound[index][1]
+    element, s = ForceElements([law], motion.model), motion.s[span]
     tau, _ = element.generalized_force(t, q, v, s)
     by_state = element.partials(t, q, v, s)[:nv]
-    dtau = by_state @ np.concatenate([d.q, d.v, d.s[at]]) + np.outer(element.time_partials(t, q, v, s)[:nv], d.t)
+    dtau = by_state @ np.concatenate([d.q, d.v, d.s[span]]) + np.outer(element.time_partials(t, q, v, s)[:nv], d.t)
     for i, laws in motion.perturbed_laws(index):
         found = {k: ForceElements([other], motion.model).generalized_force(t, q, v, s)[0] for k, other in laws.items()}
         dtau += np.outer(motion.parameters.all[i].quotient(found), d.p[i])

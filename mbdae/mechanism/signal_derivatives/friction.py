@@ -1,10 +1,11 @@
 """Directional derivatives of wrenches of closure friction, see `mbdae.mechanism.formulations.closure_friction`.
 
-With the wrenches A (m, 6) of the slip directions of an interface, its slip s = A V and c = -mu r,
+With the wrenches A (m, 6) of the slip directions of an interface, its slip u = A V, the width b of its regularization
+and c = -mu r,
 
-    F = c |lam| phi(|s|) A^T s,   dF = (d|lam|/|lam| + psi s . ds/phi) F + c |lam| phi (dA^T s + A^T ds)
+    F = c |lam| phi(|u|) A^T u,   dF = (d|lam|/|lam| + psi u . du/phi) F + c |lam| phi (dA^T u + A^T du)
 
-with ds = dA V + A dV, phi(x) = tanh(x/w)/x and psi = phi'/x.
+with du = dA V + A dV, phi(x) = tanh(x/b)/x and psi = phi'/x.
 """
 
 from copy import copy
@@ -29,13 +30,14 @@ def friction_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
         interface = friction.interfaces[k]
         (V, dV), A, dA = motion.relative(interface.pair), *_slip_wrench_tangents(motion, interface)
         lam, dlam, c = motion.lam[interface.rows], motion.d.lam[interface.rows], -float(friction.coefficient[k])
-        slip, ds = A @ V, np.einsum("ijm,j->im", dA, V) + A @ dV
+        slip, dslip = A @ V, np.einsum("ijm,j->im", dA, V) + A @ dV
         size = np.sqrt(lam @ lam)
         phi, psi = regularization_factors(float(np.sqrt(slip @ slip)), interface.force.width)
-        along = A.T @ slip
-        F += c * size * phi * along
-        dF += c * phi * np.outer(along, lam @ dlam / (size + TINY)) + c * size * psi * np.outer(along, slip @ ds)
-        dF += c * size * phi * (np.einsum("ijm,i->jm", dA, slip) + A.T @ ds)
+        direction = A.T @ slip
+        F += c * size * phi * direction
+        dsize = lam @ dlam / (size + TINY)
+        dF += c * phi * np.outer(direction, dsize) + c * size * psi * np.outer(direction, slip @ dslip)
+        dF += c * size * phi * (np.einsum("ijm,i->jm", dA, slip) + A.T @ dslip)
     for perturbed, p, dp in zip(parameters.perturbed_friction, parameters.all, motion.d.p, strict=True):
         found = {}
         for i, other in perturbed.items():

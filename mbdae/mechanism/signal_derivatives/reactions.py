@@ -40,9 +40,9 @@ def reaction_derivatives(motion: MotionTangent) -> tuple[Array, Array]:
         lever = cross(point_velocities(X, p), w[:3, None]) + cross(p[:, None], dw[:3])
         dworld = np.concatenate([dw[:3], dw[3:] - lever])
         values[0, i], derivatives[0, i] = world, dworld
-        for part in (slice(0, 3), slice(3, 6)):
-            values[1, i, part] = R.T.dot(world[part])
-            derivatives[1, i, part] = R.T.dot(dworld[part] - cross(X_axes[3:], world[part][:, None]))
+        for span in (slice(0, 3), slice(3, 6)):  # force and torque
+            values[1, i, span] = R.T.dot(world[span])
+            derivatives[1, i, span] = R.T.dot(dworld[span] - cross(X_axes[3:], world[span][:, None]))
     return values.reshape(2, -1, 2, 3), derivatives.reshape(2, -1, 2, 3, m)
 
 
@@ -68,8 +68,8 @@ def _joints(motion: MotionTangent, closures: dict[str, tuple[Array, Array]]) -> 
         for p, dp in zip(parameters.all, d.p, strict=True):
             dA[:3] -= np.outer(p.gravity, dp)
             if j in p.inertias:
-                at = pose.actInv(pin.Motion(V)), pose.actInv(A)
-                dF[j] += np.outer(pose.act(pin.Force(pin.bodyRegressor(*at) @ p.inertias[j])).vector, dp)
+                local = pose.actInv(pin.Motion(V)), pose.actInv(A)
+                dF[j] += np.outer(pose.act(pin.Force(pin.bodyRegressor(*local) @ p.inertias[j])).vector, dp)
         F[j] += wrench
         Y_dV = inertia.matrix().dot(dV)
         dF[j] += wrench_cross(X, wrench[:, None]) + inertia.matrix().dot(dA)

@@ -22,15 +22,15 @@ def closure_wrench(motion: MotionTangent, name: str) -> tuple[Array, Array]:
     pair.locate()
     Xa, Xb = motion.pair(pair)
     F, dF = np.zeros(6), np.zeros_like(Xa)
-    for at, row, w in rows:
+    for span, row, w in rows:
         row.wrenches(pair, w)  # writes w
-        lam = motion.lam[at]
+        lam = motion.lam[span]
         Da, Db = (np.tensordot(lam, D, 1) for D in row.partials(pair))
         F += w.dot(lam)
-        dF += Da.dot(Xa) + Db.dot(Xb) + w.dot(motion.d.lam[at])
-    span, number = constraints.spans[name], [c.name for c in motion.mechanism.constraints].index(name)
+        dF += Da.dot(Xa) + Db.dot(Xb) + w.dot(motion.d.lam[span])
+    span, index = constraints.spans[name], [c.name for c in motion.mechanism.constraints].index(name)
     for p, changed, dp in zip(parameters.all, parameters.rows, motion.d.p, strict=True):
-        if number not in p.specs:
+        if index not in p.specs:
             continue
         found = {}
         for k, perturbed in changed.perturbed.items():

@@ -41,8 +41,8 @@ def deformation(model: pin.Model, q: Array) -> dict[str, Array]:
         q: configurations, (n, nq).
     """
     columns: list[Array] = []
-    for _, node, at in nodes_of(model):
-        x = q[:, at]
+    for _, node, modes in nodes_of(model):
+        x = q[:, modes]
         columns += [*np.array([node.displaced(row)[0] - node.r for row in x]).reshape(-1, 3).T]
         if node.strain is not None:
             columns += [x @ node.strain, node.modulus * (x @ node.strain)]

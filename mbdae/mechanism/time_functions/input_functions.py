@@ -28,7 +28,7 @@ class InputSetting(NamedTuple):
 class InputListener(Protocol):
     """A workspace that stores the values of inputs."""
 
-    def set_input(self, source: "Input", number: int) -> None:
+    def set_input(self, source: "Input", index: int) -> None:
         """Copy the setting of an input, if the workspace is bound to it."""
 
 
@@ -49,7 +49,7 @@ class Input(BaseTimeFunction):
     unit: str = ""
     hold: Literal["zero", "first"] = "zero"
     _setting: InputSetting | None = PrivateAttr(None)
-    _number: int = PrivateAttr(-1)  # index among the settable inputs of a mechanism
+    _index: int = PrivateAttr(-1)  # index among the settable inputs of a mechanism
     _listeners: Any = PrivateAttr(())  # a set of weak references, if the input can be set
 
     @property
@@ -57,28 +57,28 @@ class Input(BaseTimeFunction):
         """The last setting."""
         return self._setting or InputSetting(0.0, self.value)
 
-    def settable_copy(self, number: int) -> "Input":
+    def settable_copy(self, index: int) -> "Input":
         """Return a copy that can be set, for the simulator's copy of a mechanism."""
         out = self.model_copy()
-        out._setting, out._number, out._listeners = InputSetting(0.0, self.value), number, WeakSet()
+        out._setting, out._index, out._listeners = InputSetting(0.0, self.value), index, WeakSet()
         return out
 
     def listen(self, listener: InputListener) -> None:
         """Notify a workspace of all later settings."""
-        if self._number >= 0:
+        if self._index >= 0:
             self._listeners.add(listener)
 
     def set(self, setting: InputSetting, notify: bool = True) -> None:
         """Set the input, see `settable_copy`; without notification, workspaces of the core keep their setting."""
-        assert self._number >= 0
+        assert self._index >= 0
         self._setting = setting
         for listener in self._listeners if notify else ():
-            listener.set_input(self, self._number)
+            listener.set_input(self, self._index)
 
     @property
-    def number(self) -> int:
+    def index(self) -> int:
         """Index among the settable inputs of a mechanism; -1 if it cannot be set."""
-        return self._number
+        return self._index
 
     def at(self, t: float, k: int = 0) -> float:
         setting = self.setting
@@ -86,7 +86,7 @@ class Input(BaseTimeFunction):
 
     def core_data(self) -> dict[str, Any]:
         t, value, rate = self.setting
-        return {"kind": "polynomials", "a": [rate, value], "b": [t], "degree": 1, "input": self._number}
+        return {"kind": "polynomials", "a": [rate, value], "b": [t], "degree": 1, "input": self._index}
 
 
 class InputHistory(PiecewiseFunction):

@@ -133,9 +133,9 @@ def sparse_inertia(model: pin.Model, data: pin.Data, q: Array) -> "csc_array":
             rows += [*above, *range(first, k)]
             columns += [k] * (len(above) + k - first)
     entries = np.einsum("ij,ij->j", J[:, rows], F[:, columns])
-    diagonal, at = np.einsum("ij,ij->j", J, F) + model.armature, np.arange(model.nv)
-    every = np.concatenate([entries, entries, diagonal])
-    return coo_array((every, (np.r_[rows, columns, at], np.r_[columns, rows, at])), shape=(model.nv, model.nv)).tocsc()
+    diagonal, i = np.einsum("ij,ij->j", J, F) + model.armature, np.arange(model.nv)
+    values = np.concatenate([entries, entries, diagonal])
+    return coo_array((values, (np.r_[rows, columns, i], np.r_[columns, rows, i])), shape=(model.nv, model.nv)).tocsc()
 
 
 def bias(model: pin.Model, data: pin.Data, q: Array, v: Array) -> Array:

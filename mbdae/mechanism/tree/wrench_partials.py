@@ -10,7 +10,8 @@ products a x b of motions and a x* F of a motion and a wrench, all about the wor
     dA_j/dq_m = J_m x (A_j - A_<m - V_<m x W) + V_<m x (J_m x W)       dA_j/dv_m = J_m x W + V_m x J_m  (A for v' = 0)
 
 Velocities and accelerations are relative to the body at which both branches begin. The modes of a flexible body move a
-node like two additional joints, with columns T and W; W contains the change of Jr, T the change of Phi (`BoundNode`).
+node like two additional joints, a translation and a rotation (`BoundNode.split_columns`), whose columns change with Phi
+and Jr.
 Results have one entry for each velocity, ``at`` (u,), where u = c without nodes.
 """
 

@@ -1,7 +1,7 @@
 """Elementary weights of a tableau for a tree, in exact arithmetic.
 
-Vectors over the stages are integers over one common denominator; over Q(sqrt d) a vector consists of its rational
-parts, followed by its irrational parts. Each subtree is evaluated once.
+Vectors over the stages are integers over one common denominator; over Q(sqrt d) a vector a + b sqrt(d) consists
+of the entries of a, followed by those of b. Each subtree is evaluated once.
 """
 
 from collections.abc import Callable
@@ -93,7 +93,7 @@ class Weights:
         return _Matrix(sparse, den)
 
     def _rational(self, M: list[Row]) -> list[list[Fraction]]:
-        """Return a matrix of fractions; a + b sqrt d becomes [[a, d b], [b, a]] on (rational, irrational)."""
+        """Return a matrix of fractions; a + b sqrt(d) becomes [[a, d b], [b, a]], see the module."""
         a = [[x.a if isinstance(x, Surd) else x for x in r] for r in M]
         if not self.d:
             return a

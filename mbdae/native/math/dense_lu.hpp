@@ -21,7 +21,7 @@ class DenseLU {
   bool factorize();  // false if a pivot is zero or not finite
   void solve(double* b) const;
   void solve_transposed(double* b) const;
-  bool positive_determinant() const;  // of a real matrix
+  bool positive_determinant() const;  // for a real matrix
 
  private:
   void find_band();  // set the order and the band if they save work

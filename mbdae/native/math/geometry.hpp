@@ -94,7 +94,7 @@ struct Wrench {  // about the world's origin
 };
 
 template <class S, class T>
-Wrench<Common<S, T>> wrench_at(const Vec3<S>& p, const Vec3<T>& force) {  // of a force through p
+Wrench<Common<S, T>> wrench_at(const Vec3<S>& p, const Vec3<T>& force) {  // wrench of a force through p
   return {force, cross(p, force)};
 }
 template <class S, class T, class U>

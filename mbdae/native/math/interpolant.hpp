@@ -24,7 +24,8 @@ struct Cubic {
     return value(c[1] >= 0 ? -c[2] / (c[1] + root) : (root - c[1]) / (3 * c[0]));
   }
 
-  double falling() const { return c[2] < 0 ? 0 : -c[1] / (3 * c[0]); }  // a point before the minimum where it falls
+  // A point before the minimum where it falls.
+  double falling_point() const { return c[2] < 0 ? 0 : -c[1] / (3 * c[0]); }
 
   // The first zero in (0, 1), of the cubic divided by x if it is zero at 0; 1 if there is none.
   double first_zero() const {
@@ -87,7 +88,7 @@ class Interpolant {
   void add(double x, double f) { append(x, f, 0); }
   void add(double x, double f, double derivative) { append(x, f, 0), append(x, f, derivative); }
 
-  std::pair<double, double> evaluate(double x) const {  // and its derivative
+  std::pair<double, double> evaluate(double x) const {  // value and derivative
     double f = 0, df = 0;
     for (size_t n = nodes_.size(); n-- > 0;) df = f + (x - nodes_[n]) * df, f = d_[n] + (x - nodes_[n]) * f;
     return {f, df};

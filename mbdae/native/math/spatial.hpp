@@ -52,7 +52,7 @@ inline void rotation_of_quaternion(const double* q, double* R) {  // x, y, z, w
   R[6] = xz + wy, R[7] = yz - wx, R[8] = 1 - (xx + yy);
 }
 
-inline void product(const double* a, const double* b, double* __restrict out) {  // of matrices (3, 3)
+inline void product(const double* a, const double* b, double* __restrict out) {  // out = a b, (3, 3)
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j) out[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j] + a[3 * i + 2] * b[6 + j];
 }

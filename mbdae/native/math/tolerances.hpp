@@ -27,8 +27,8 @@ struct Tolerances {
   int ggl_iterations, friction_iterations;
   // cosine of the largest rotation of a slip direction in a step; clear slip speed, as a multiple of the smallest one
   double slip_cosine, clear_slip;
-  int stage_iterations;                                         // of stages that tangents and adjoints recompute
-  std::vector<double> row_scales, q_scales, coordinate_scales;  // units of g (ng,), q (nq,) and v (nv,)
+  int stage_iterations;                                         // Newton iterations of stages, for tangents and adjoints
+  std::vector<double> row_scales, q_scales, coordinate_scales;  // scales of g (ng,), q (nq,) and v (nv,)
 
   FIELDS(eps, tiny, below_rounding, rounding, sum_rounding, evaluation_rounding, solution_rounding, search_tolerance,
          same_state, zero_speed, pivot_rank, truncation, visible, max_rotation, series, smallest_pivot,

@@ -8,7 +8,7 @@ namespace mbdae {
 namespace {
 
 template <class S>
-S normalize(Vec3<S>& x) {  // x := x/|x|; |x|
+S normalize(Vec3<S>& x) {  // |x|; x becomes x/|x|
   const S length = sqrt(dot(x, x));
   x = 1 / length * x;
   return length;

@@ -8,7 +8,7 @@ namespace mbdae {
 
 namespace {
 
-constexpr int TERMS = 20;  // of each series: exact to rounding up to 5 rad
+constexpr int TERMS = 20;  // number of terms of each series: exact to rounding up to 5 rad
 
 struct Series {  // (-1)^m/(2m + 2)!, (-1)^m/(2m + 3)!
   double a[TERMS], b[TERMS];

@@ -10,7 +10,7 @@
 namespace mbdae {
 
 template <class S>
-struct Effort {  // of springs, and of everything else
+struct Effort {  // effort of springs, and of everything else
   S conservative, other;
 };
 

@@ -85,18 +85,18 @@ struct Law {
 
   const LawKind* kind = nullptr;
   std::vector<int> rows, columns;  // indices
-  std::vector<int> orders;         // of derivatives of the signals
+  std::vector<int> orders;         // orders of the derivatives of the functions of time
   std::vector<double> a;           // parameters
   std::vector<TimeFunction> signals;  // functions of time
   int pair = -1;                      // index of its frames in the pairs of laws; -1: none
   Pair* frames = nullptr;
-  double offset = 0;              // of the potential, in J
+  double offset = 0;              // offset of the potential, in J
   int state = 0, states = 0;      // first index of its states in s, and their number
   bool rotating = false;          // its axes rotate with the frame
   bool has_potential = false;
-  Call call;                      // Python
-  Partials partials;              // Python
-  Partials time_rate;             // Python, of (tau, s'), (nv + states,)
+  Call call;                      // Python function
+  Partials partials;              // Python function
+  Partials time_rate;             // Python function: time derivative of (tau, s'), (nv + states,)
   std::vector<Term> terms;        // precomputed
   mutable std::vector<double> u;  // workspace
 

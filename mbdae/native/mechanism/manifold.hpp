@@ -43,8 +43,8 @@ class Manifold {
 
   void integrate(const double* q, const double* x, double* out) const;     // q (+) x, (nq,)
   void difference(const double* q0, const double* q1, double* out) const;  // q1 (-) q0, (nv,)
-  void component_magnitudes(const double* q, double* out) const;           // of q in the tangent, (nv,)
-  double largest_rotation(const double* x) const;  // of a joint, in rad
+  void component_magnitudes(const double* q, double* out) const;           // magnitudes of q in the tangent, (nv,)
+  double largest_rotation(const double* x) const;  // largest rotation of a joint, in rad
   void check_rotations(const double* x) const;     // throws if a joint rotates too far in one step
   void tangent(const double* x, double* dx) const;  // dx: v (nv,) becomes J(x) v
   void velocity(const double* x, double* v) const;  // v: x' (nv,) becomes J(x)^-1 x'

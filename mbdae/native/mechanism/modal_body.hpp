@@ -27,7 +27,7 @@ struct ModalNode {  // position r; Phi, Psi (k, 3): translations and rotations o
 // order xx, xy, yy, xz, yz, zz.
 struct ModalBody {
   int joint = 0;                                                // joint of the model that moves the frame
-  double placement[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0};  // of the frame on the joint: R by columns, p
+  double placement[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0};  // placement of the frame on the joint: R by columns, p
   int iq = 0, iv = 0, modes = 0;  // the first coordinate and velocity of the modes, and their number
   Vector C, C2, H0, Mq, Hj, I1, I2, H2, Mq1, Mq2;
   std::vector<ModalNode> nodes;
@@ -79,14 +79,14 @@ void add_polynomial(const Vector& d0, const std::vector<S>& d, const S* q, int k
 // dMq/dq_j is empty without displacements of second order.
 template <class S>
 struct Deformation {
-  const bool second_order, coupled;  // coupled: H depends on q
+  const bool second_order, H_varies;  // H_varies: H depends on q
   Vec3<S> moment;
   std::vector<S> C, dI_dq, H, Mq, dH_dq, dMq_dq;  // (k, 3), (k, 6), (k, 3), (k, k), (k, k, 3), (k, k, k)
   S I[6];
 
   explicit Deformation(const ModalBody& b)
       : second_order(!b.Mq1.empty()),
-        coupled(second_order || !is_zero(b.Hj)),
+        H_varies(second_order || !is_zero(b.Hj)),
         C(b.C.begin(), b.C.end()),
         dI_dq(b.I1.size()),
         H(b.H0.begin(), b.H0.end()),
@@ -102,7 +102,7 @@ struct Deformation {
     moment = {0, 0, 0};
     for (S& x : I) x = 0;
     add_polynomial(b.C, C, q, k, 3, moment.x), add_polynomial(b.I1, dI_dq, q, k, 6, I);
-    if (!coupled) return;
+    if (!H_varies) return;
     std::copy(b.H0.begin(), b.H0.end(), H.begin()), add_polynomial(b.Hj, dH_dq, q, k, 3 * k, H.data());
   }
 
@@ -137,7 +137,7 @@ void inertial_force(const ModalBody& b, const Deformation<S>& d, const S* nu, co
       C_rate = C_rate + du[i] * C, H_rate = H_rate + du[i] * H;
       for (int j = 0; j < k; ++j) F[6 + i] = F[6 + i] + d.Mq[i * k + j] * du[j];
     }
-    if (!d.coupled) continue;
+    if (!d.H_varies) continue;
     Vec3<S> rate(0, 0, 0), row(0, 0, 0);
     for (int j = 0; j < k; ++j)
       add_multiple(u[j], &d.dH_dq[3 * (j * k + i)], 3, rate.x), add_multiple(u[j], &d.dH_dq[3 * (i * k + j)], 3, row.x);

@@ -7,7 +7,7 @@
 
 namespace mbdae {
 
-const void* model_pointer(PyObject* model);         // of a pinocchio.Model; std::invalid_argument for any other object
+const void* model_pointer(PyObject* model);         // address of a pinocchio.Model; otherwise std::invalid_argument
 std::array<int, 3> model_sizes(const void* model);  // nq, nv, number of joints
 bool sweep_supports(const void* model);             // whether TreeSweep supports all its joints
 // Seconds of one crba, nle, Cholesky factorization of M and solution of the saddle-point system with G (r, nv) by rows,

@@ -29,7 +29,7 @@ class MultibodyTree {
 
   Tolerances tolerances;
   int nq, nv, joints, frames;               // frames: joints, then nodes of flexible bodies
-  std::vector<std::vector<int>> ancestors;  // of each degree of freedom, nearest first
+  std::vector<std::vector<int>> ancestors;  // ancestors of each degree of freedom, nearest first
   InertiaPattern pattern;
   std::vector<int> tangent;                 // (nq,) the degree of freedom of a joint's first coordinate
   std::vector<int> parents;                 // (joints,)
@@ -51,7 +51,7 @@ class MultibodyTree {
   void save_poses();
   void restore_poses();
   void motions(const double* q, const double* v);                 // velocities, and accelerations for v' = 0
-  void motions(const double* q, const double* v, const double* a);  // and accelerations for v' = a
+  void motions(const double* q, const double* v, const double* a);  // velocities, and accelerations for v' = a
   // nle(q, v) and velocities; for `bias_minus_gravity`
   void bias(const double* q, const double* v);
   // out += contribution of flexible bodies to M a + nle under this gravity (3,); updates velocities, J and poses.
@@ -75,12 +75,12 @@ class MultibodyTree {
   void normalize(double* q);
   void tangent_map(const double* q, const double* v, double* dq);  // dq/dt of raw coordinates
 
-  double potential() const;                 // of gravity in J, at the current poses
+  double potential() const;                 // potential energy of gravity in J, at the current poses
   const double* M() const;                  // entries of M, see `InertiaPattern`
   void dense_M(double* out) const;          // (nv, nv)
   double kinetic_energy(const double* v) const;                     // in J, of the current M
   void add_inertial_force(const double* a, double* out) const;      // out += M a
-  const double* J() const;                  // about the world's origin by columns, (6, nv), then the columns of nodes
+  const double* J() const;                  // columns about the world's origin, (6, nv), then those of nodes
   const double* rotation(int joint) const;  // by columns
   const double* position(int joint) const;
   void velocity(int joint, double* out) const;  // spatial, about the world's origin, linear part first

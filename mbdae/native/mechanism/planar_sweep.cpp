@@ -71,9 +71,9 @@ class PlanarSweep final : public Sweep {
 
  private:
   struct Joint {                                         // a joint and its child body, at zero angles
-    double sign = 0;                                     // of the axis of rotation along the normal
+    double sign = 0;                                     // sign of the axis of rotation along the normal
     Vector2 offset, translations[2], lever;              // from the parent; directions of translations; centre of mass
-    double mass = 0, inertia = 0;                        // about the centre of mass
+    double mass = 0, inertia = 0;                        // mass, and inertia about the centre of mass
     double fixed[9] = {}, cosine[9] = {}, sine[9] = {};  // R = fixed + cos cosine + sin sine, by columns
     double normal_offset[3] = {};                        // position along the normal
   };
@@ -81,7 +81,7 @@ class PlanarSweep final : public Sweep {
     double c = 1, s = 0;               // cosine and sine of its angle
     Vector2 arm, position, reference;  // from the root; in the world; in the world when V and A were evaluated
     PlanarVector V, A, f;              // velocity, acceleration, wrench of the subtree, about the root's position
-    double mass = 0, inertia = 0;      // of the subtree, about the root's position
+    double mass = 0, inertia = 0;      // mass of the subtree, and its inertia about the root's position
     Vector2 moment;                    // first moment of the subtree
   };
 

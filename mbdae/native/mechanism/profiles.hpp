@@ -16,7 +16,8 @@ struct Profile {
   std::vector<double> samples, points;  // s, and (x, y) pairs c(s)
   int iterations = 0;
   double rounding = 0;  // largest change of the last iteration, relative to the length
-  // of the second derivative of half the squared distance, relative to |c'|^2; of s at open ends, relative to length
+  // smallest second derivative of half the squared distance, relative to |c'|^2; tolerance of s at open ends, relative
+  // to the length
   double tolerance = 0;
 
   FIELDS(harmonic, closed, side, starts, coefficients, degree, samples, iterations, rounding, tolerance)

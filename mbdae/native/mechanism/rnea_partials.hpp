@@ -57,7 +57,7 @@ class RneaPartials {
   std::vector<InertiaTerms> bodies_, subtrees_;
   std::vector<bool> has_mass_;
   Six base_{};              // initial value of A: minus gravity
-  std::vector<Six> V_, A_;  // of each joint; A for v' = 0
+  std::vector<Six> V_, A_;  // velocity and acceleration of each joint; A for v' = 0
   std::vector<Six> Aa_, f_;  // contributions of a to A, and to the wrench of the subtree
   std::vector<Column> columns_;
 };

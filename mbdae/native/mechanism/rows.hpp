@@ -44,7 +44,7 @@ struct Pair {
   // different columns of J.
   std::vector<int> columns;
   std::vector<int> sources;                               // column of J of each velocity
-  std::vector<double> sign;                               // of each velocity; 0 for common ancestors
+  std::vector<double> sign;                               // sign of each velocity; 0 for common ancestors
   bool has_repeated_columns;                              // whether a velocity is repeated
   double Ra[9], Rb[9], pa[3], pb[3], Va[6], Vb[6], A[6];  // rotations by rows
 
@@ -89,16 +89,16 @@ struct Row {
   double a[3] = {0, 0, 0}, b[3] = {0, 0, 0};  // axes fixed in a and b
   double length = 0;        // or lead of a screw, ratio of a gear, radius of a roller or of bevel wheel a
   double other_length = 0;  // radius of bevel wheel b
-  Shape shape;              // of the rolling body
+  Shape shape;              // shape of the rolling body
   std::shared_ptr<const Profile> profile;  // in contact with a roller or a flat face
-  double direction[2] = {0, 0};            // of a no-slip row, longitudinal and lateral
-  std::vector<RowJoint> joints;               // of a row between joints
+  double direction[2] = {0, 0};            // direction of a no-slip row, longitudinal and lateral
+  std::vector<RowJoint> joints;               // joints of a row between joints
   std::vector<double> c;                      // coefficients of its polynomial, or its factors
-  TimeFunction law;                           // of a curved row
-  std::shared_ptr<const RowFunction> python;  // of a function
+  TimeFunction law;                           // motion law of a `curved` row
+  std::shared_ptr<const RowFunction> python;  // Python function of a `function` row
   // start, length and increase of a period of the law; length 0: not periodic
   double fold[3] = {0, 0, 0};
-  double period = 0;                          // of g
+  double period = 0;                          // period of g
   std::vector<int> columns;                   // where G may be nonzero, with all ancestors, in increasing order
   std::vector<int> entries;                   // positions in `columns` of the velocities of a row between joints
 
@@ -116,7 +116,7 @@ struct Row {
 
  private:
   double wrench_along_line(const Pair& pair, double* w) const;
-  double coordinate_value(const double* q, double* first) const;       // g, and dg/dx_j
+  double coordinate_value(const double* q, double* first) const;       // g, and -dg/dx_j
   double reduced_coordinate(const double* q, double* increase) const;  // x_j reduced to the period of the law
   double bias_coefficient(const double* q) const;      // p''(x_j), or r'(x_k)
 };
@@ -195,7 +195,7 @@ class Constraints {
     int k, l, n;
   };
   std::vector<CommonRun> common(int k, int l) const;          // all common columns of two rows
-  double product(int k, int l, const double* entries) const;  // of two rows
+  double product(int k, int l, const double* entries) const;  // product of two rows
   void complete_g(double t, double* g) const;  // g -= u, reduced by periods
   // Gdot v of some rows, at the current motions; minus_gravity: those of `MultibodyTree::bias`.
   void bias(const MultibodyTree& m, const double* q, const double* v, const std::vector<int>& selected, double* out,

@@ -26,7 +26,7 @@ double TimeFunction::at(double t, int k) const {
   }
   if (k > degree) return 0.0;
   const double x = t - b[i], *c = &a[i * (static_cast<size_t>(degree) + 1)];
-  auto coefficient = [&](int p) {  // of the k-th derivative, from that of the p-th power
+  auto coefficient = [&](int p) {  // coefficient of the k-th derivative, from that of the p-th power
     double f = c[degree - p];
     for (int j = 0; j < k; ++j) f *= p - j;
     return f;

@@ -18,10 +18,10 @@ struct TimeFunction {
   NAMED_ENUM(enum, Kind, polynomials, harmonic, python)
   Kind kind = polynomials;
   std::vector<double> a, b;  // parameters; of polynomials: coefficients, highest power first, and starts
-  int degree = 0;            // of polynomials
-  double period = 0, rise = 0;  // of polynomials: period, and increase per period; 0: none
-  int input = -1;               // of polynomials: the input that sets this linear function; -1: none
-  std::function<double(double t, int k)> call;  // Python
+  int degree = 0;            // degree of polynomials
+  double period = 0, rise = 0;  // period of polynomials, and increase per period; 0: none
+  int input = -1;               // input that sets this linear polynomial; -1: none
+  std::function<double(double t, int k)> call;  // Python function
 
   FIELDS(kind, a, b, degree, period, rise, input)
 

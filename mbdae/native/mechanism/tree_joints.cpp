@@ -68,7 +68,7 @@ double pitch_of(const JointModel& joint) {
   return screw ? screw->m_pitch : 0;
 }
 
-double pitch(const JointModel& joint) {  // of a screw, otherwise 0
+double pitch(const JointModel& joint) {  // pitch of a screw, otherwise 0
   using namespace pinocchio;
   return pitch_of<JointModelHX>(joint) + pitch_of<JointModelHY>(joint) + pitch_of<JointModelHZ>(joint) +
          pitch_of<JointModelHelicalUnaligned>(joint);

@@ -29,7 +29,7 @@ struct TreeJoint {
   double axis_sign = 1;
   double pitch = 0;     // m/rad
   const double *R = nullptr, *p = nullptr;                       // placement on the parent, by columns
-  const double *mass = nullptr, *lever = nullptr, *I = nullptr;  // of the body; about its centre, xx, xy, yy, xz, yz, zz
+  const double *mass = nullptr, *lever = nullptr, *I = nullptr;  // body; I about its centre: xx, xy, yy, xz, yz, zz
 };
 
 // Sparsity of M by columns: entries starts[k] to starts[k + 1] are the diagonal entry of column k and those in the rows

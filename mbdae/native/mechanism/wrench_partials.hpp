@@ -58,7 +58,7 @@ class PairPartials {
 void matrix_of_wrench(const double* F, double* out);  // d -> d x* F
 void times6(const double* D, const double* x, double* out);
 void line_point_partials(const double* p, const double* n, double* D);  // D += d(n, p x n)/dp for constant n
-// of the wrench of a distance row, times `factor`
+// add the partials of the wrench of a distance row, times `factor`
 void distance_partials(const Pair& pair, double factor, WrenchPartials& t);
 
 }  // namespace mbdae

@@ -126,7 +126,7 @@ int ModeTransition::next_state(int i, const std::vector<Candidate>& selected, bo
     }
     case Switch::Kind::stiction:
       if (in_active_set) return active;
-      return (selected.empty() ? y_[s_.nq + x.column] : acceleration_[k]) > 0 ? slips_ahead : slips_back;
+      return (selected.empty() ? y_[s_.nq + x.column] : acceleration_[k]) > 0 ? slips_forwards : slips_backwards;
     case Switch::Kind::range:
       return inside(x) ? active : released;
     default:

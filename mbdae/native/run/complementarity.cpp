@@ -72,7 +72,7 @@ class Problem {
     return std::isfinite(multipliers_[i].upper) && state_[i] == std::isfinite(multipliers_[i].lower);
   }
   bool is_active(size_t normal) const { return !at_lower(normal); }
-  double ratio(size_t i) const {  // of a tangential multiplier to its normal multiplier
+  double ratio(size_t i) const {  // ratio of a tangential multiplier to its normal multiplier
     return !std::isnan(multipliers_[i].sliding_ratio) ? multipliers_[i].sliding_ratio
                                                       : multipliers_[i].friction * (state_[i] == 1 ? 1 : -1);
   }

@@ -82,7 +82,7 @@ double GuardMonitor::resolution_error(const Guard& guard) {
   if (guard.kind == Guard::range_boundary)
     return std::pow(4 * h / intervals_ / std::min(longest_step(guard, point(0)), longest_step(guard, point(1))), 4);
   if (!guard.monitors_multiplier()) return 0;
-  const bool slips = guard.kind == Guard::slip;
+  const bool is_slip = guard.kind == Guard::slip;
   const double weights[5] = {1, -4, 6, -4, 1};
   const Vector all = interpolated_multipliers(guard);
   double largest_multiplier = 0, smallest_multiplier = INFINITY, fourth_difference = 0, terms = 0;
@@ -92,9 +92,9 @@ double GuardMonitor::resolution_error(const Guard& guard) {
   for (double x : weights) terms += std::fabs(x);
   for (int k = 0; k < intervals_; k += 4)
     fourth_difference = std::max(fourth_difference, std::fabs(dot(weights, &all[k], 5)));
-  if (!slips && !(fourth_difference > terms * s_.tree.tolerances.solution_rounding * point(0).force)) return 0;
-  const double size = slips ? 1 : std::max(largest_multiplier, s_.tree.tolerances.visible * guard.size);
-  const double distance = slips ? 1 - largest_multiplier : smallest_multiplier / (size > 0 ? size : 1);
+  if (!is_slip && !(fourth_difference > terms * s_.tree.tolerances.solution_rounding * point(0).force)) return 0;
+  const double size = is_slip ? 1 : std::max(largest_multiplier, s_.tree.tolerances.visible * guard.size);
+  const double distance = is_slip ? 1 - largest_multiplier : smallest_multiplier / (size > 0 ? size : 1);
   return fourth_difference / (size * modes_.rough * std::max(distance >= 0 ? distance : 1.0, modes_.near_limit));
 }
 
@@ -139,7 +139,8 @@ double GuardMonitor::negative_fraction(int i) {
   const Cubic cubic(start.f, end.f, h * start.rate, h * end.rate);
   if (!cubic.has_minimum() || cubic.minimum() > modes_.grazing * std::min(start.f, end.f)) return 0;
   const auto rate = [&](double theta) { return at(theta, i).rate; };
-  const double small = modes_.coincident, falling_fraction = cubic.falling(), falling_rate = rate(falling_fraction);
+  const double small = modes_.coincident, falling_fraction = cubic.falling_point();
+  const double falling_rate = rate(falling_fraction);
   if (!(falling_rate < 0)) return 0;
   const double theta = brent(rate, falling_fraction, falling_rate, 1, end.rate, small, small, modes_.root_iterations);
   return at(theta, i).f < -rounding(i) ? theta : 0;

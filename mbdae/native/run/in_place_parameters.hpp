@@ -8,7 +8,7 @@
 
 namespace mbdae {
 
-struct ParameterLocation {  // of a parameter in the core
+struct ParameterLocation {  // location of a parameter in the core
   NAMED_ENUM(enum, Kind, body, gravity, law)
   Kind kind;
   int of = 0, i = 0;  // of: joint of the body, or law; i: index, see `body_parameter`, `law_parameter`

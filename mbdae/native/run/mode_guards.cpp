@@ -32,7 +32,7 @@ std::vector<Guard> guards_of(const std::vector<Switch>& switches, const Mode& mo
         break;
       case Switch::Kind::stiction:
         if (state == active) add(Guard::slip, 1);
-        if (state > active) add(Guard::zero_velocity, state == slips_ahead ? 1 : -1);
+        if (state > active) add(Guard::zero_velocity, state == slips_forwards ? 1 : -1);
         break;
       case Switch::Kind::range:
         add(Guard::range_boundary, state == active ? 1 : -1);
@@ -212,13 +212,13 @@ void GuardMonitor::track(double t, const double* y, const Vector& F, const Vecto
   for (size_t i = 0; i < modes_.guards.size(); ++i) {
     Guard& guard = modes_.guards[i];
     set_reference(guard, p);
-    const double f = value(guard, p), approach = rate(guard, p);
+    const double f = value(guard, p), separation_speed = rate(guard, p);
     guard.unit = unit(guard, p), guard.size = std::fabs(f), guard.return_time = NAN;
     guard.level = guard.needs_multipliers() ? 0 : std::min(0.0, f);
     if (guard.kind != Guard::contact || of(guard).kind != Switch::Kind::contact) continue;
     const double a = guard.sign * p.acceleration[of(guard).rows[0]];
-    if (f <= rounding(static_cast<int>(i)) && approach > 0 && a < 0)
-      guard.return_time = t - modes_.return_factor * 2 * approach / a;
+    if (f <= rounding(static_cast<int>(i)) && separation_speed > 0 && a < 0)
+      guard.return_time = t - modes_.return_factor * 2 * separation_speed / a;
   }
   points_.push_back(std::move(p));
 }
@@ -238,7 +238,7 @@ GuardMonitor::Values GuardMonitor::values(double t, const double* y, const Vecto
   return out;
 }
 
-double GuardMonitor::takeoff_end(int i) const {
+double GuardMonitor::first_quarter_of_flight(int i) const {
   const Guard& guard = modes_.guards[i];
   const double impact = modes_.last_impact[guard.element];
   return std::isnan(guard.return_time) ? -INFINITY : impact + (guard.return_time - impact) / (4 * modes_.return_factor);

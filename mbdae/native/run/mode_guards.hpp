@@ -18,7 +18,7 @@ struct Guard {
 
   Kind kind;
   int element;           // index of its switch
-  double sign;           // of its value
+  double sign;           // sign of its value
   double reference = 0;  // last tooth of a ratchet, in pitches
   double size = 0;           // largest magnitude so far
   double level = 0;          // value at which the mode ends
@@ -54,13 +54,13 @@ struct Modes {
   double characteristic_rate = 0;  // 1/s
   // relative to the largest speed or multiplier: zero in impacts and complementarity problems
   double mode_rounding = 0;
-  double return_factor = 0;  // of a predicted time of separation, after which the gap is negative
+  double return_factor = 0;  // factor of the predicted duration of a separation, after which the gap is negative
   double start_root = 0;     // relative to a bracket: a root this close to an impact is the impact
   double grazing = 0;        // relative to the gaps at the ends of a step: a minimum above it is no contact
   double spacings = 0, step_tolerance = 0;  // location tolerance: spacings of t, and relative to the step
-  int iterations = 0;            // of Newton's method
-  int root_iterations = 0, max_halvings = 0;  // of Brent's method; largest number of halvings of a bracket
-  // of monitored multipliers: largest deviation from a cubic, relative to the distance from the limit; smallest such
+  int iterations = 0;            // largest number of iterations of Newton's method
+  int root_iterations = 0, max_halvings = 0;  // largest numbers of Brent iterations, and of halvings of a bracket
+  // monitored multipliers: largest deviation from a cubic, relative to the distance from the limit; smallest such
   // distance; distance of extrema from the limit; extrapolation beyond five samples
   double rough = 0, near_limit = 0, close_extremum = 0, outside = 0;
   int finest = 0;                 // largest number of intervals between samples in a step of fixed size
@@ -120,7 +120,7 @@ class GuardMonitor {
   Values values(double t, const double* y, const Vector& F, const Vector& lam, bool advances);
   // s: end of the first quarter of the predicted separation after an impact, in which other methods may not resolve the
   // gap; -inf: none.
-  double takeoff_end(int i) const;
+  double first_quarter_of_flight(int i) const;
 
  private:
   struct Point {
@@ -163,7 +163,7 @@ class GuardMonitor {
   double locate(int i, double high);
   double locate_by_quartic(int i, double high);  // for a guard without rate, sampled at quarters of the step
   double locate_by_brent(int i, double high);
-  double time_tolerance() const;  // of a root, relative to the step
+  double time_tolerance() const;  // tolerance of a root, relative to the step
   [[noreturn]] void fall_back_to_python() const { throw FallBackToPython(); }
 
   Index2System& s_;

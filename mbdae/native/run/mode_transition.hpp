@@ -25,9 +25,9 @@ class ModeTransition {
   // A row that takes part in an impact.
   struct ImpactRow {
     int element, row;
-    double sign;  // of the separation speed; 0: bilateral, or tangential
+    double sign;  // sign of the separation speed; 0: bilateral, or tangential
     double restitution = 0;
-    double friction = NAN;  // of a tangential row
+    double friction = NAN;  // friction coefficient of a tangential row
   };
   struct Candidate {
     int row;
@@ -78,7 +78,7 @@ class ModeTransition {
   bool entered_ = false;  // the system has entered another mode than that of the run
   std::vector<int> separating_;
   Vector F_, lam_before_;              // (ny,), (ng,) y' and lam in the previous mode
-  double force_rounding_ = 0;          // of multipliers
+  double force_rounding_ = 0;          // rounding error of multipliers
   Vector lam_, acceleration_, scale_;  // (ng,) with the multipliers of candidates, see `_ActiveSet` in Python
   double largest_ = 0;                 // largest multiplier
 };

@@ -43,11 +43,11 @@ double PointValues::moment(const std::vector<int>& rows) {
   for (int k : rows) {
     const Row& row = s_.constraints.rows[k];
     Pair& pair = s_.constraints.pairs[row.pair];
-    double w[6], arm[3];
+    double w[6], force_moment[3];
     pair.update_poses(s_.tree);
     row.wrench(pair, w);
-    cross(pair.pb, w, arm);
-    for (int i = 0; i < 3; ++i) sum[i] += z_[k] * (w[3 + i] - arm[i]);
+    cross(pair.pb, w, force_moment);
+    for (int i = 0; i < 3; ++i) sum[i] += z_[k] * (w[3 + i] - force_moment[i]);
   }
   return norm(sum, 3);
 }
@@ -74,7 +74,7 @@ double SignalValue::at(PointValues& values, double t, const double* y) const {
   }
   if (kind == Kind::torque) out = values.moment(rows);
   if (kind == Kind::g || kind == Kind::Gv) {
-    const Vector& residuals = kind == Kind::g ? values.gaps() : values.rates();
+    const Vector& residuals = kind == Kind::g ? values.g() : values.rate();
     out = largest(residuals.data(), static_cast<int>(residuals.size()));
   }
   if (kind == Kind::kinetic || kind == Kind::energy) out += values.energy().kinetic;

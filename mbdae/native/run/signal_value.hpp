@@ -25,8 +25,8 @@ class PointValues {
   const Vector& F() { return evaluate_hidden(), F_; }    // (ny,) y'
   // (ng,) from the hidden constraint; with friction of inactive rows
   const Vector& lam() { return evaluate_hidden(), z_; }
-  const Vector& gaps() { return evaluate_residuals(), g_; }      // (ng,) g
-  const Vector& rates() { return evaluate_residuals(), rate_; }  // (ng,) G v + g_t
+  const Vector& g() { return evaluate_residuals(), g_; }        // (ng,) g
+  const Vector& rate() { return evaluate_residuals(), rate_; }  // (ng,) G v + g_t
   const Energy& energy() { return evaluate_residuals(), energy_; }
   double moment(const std::vector<int>& rows);  // magnitude of the moment of lam on the second frame, at its origin
 

@@ -32,7 +32,7 @@ void set_mode(Index2System& s, const std::vector<Switch>& switches, const Mode& 
     if (x.frictional()) s.friction.set_active(x.interface, mode[i] == sliding);
     if (x.kind != Switch::Kind::stiction) continue;
     has_sticking_joints |= mode[i] == active;
-    const double torque = x.friction * (mode[i] == slips_ahead ? 1 : mode[i] == slips_back ? -1 : 0);
+    const double torque = x.friction * (mode[i] == slips_forwards ? 1 : mode[i] == slips_backwards ? -1 : 0);
     *s.law_parameter(x.law, x.column) = torque, s.last_stage.t = NAN;
     s.joint_friction[x.rows[0]] = -torque;
   }

@@ -62,21 +62,21 @@ struct Run {
   Events events;
   Jumps jumps;
   Modes modes;
-  bool adaptive = false;      // with step-size control; otherwise on the grid
-  bool project = false;       // project the ends of steps
-  bool monitored = false;     // by the singularity monitor
-  double tolerated_move = 0;  // relative to a state: largest projection after fixed steps that keeps the carry
-  double tiny = 0;            // keeps scales positive if a state is zero
-  // relative to the motion of a step: how much of it a projection may undo, beyond tolerances
+  bool adaptive = false;      // whether step sizes are controlled; otherwise nodes are on the grid
+  bool project = false;       // whether ends of steps are projected
+  bool monitored = false;     // whether the singularity monitor is used
+  double tolerated_move = 0;  // fraction of a state: largest projection after fixed steps that keeps the carry
+  double tiny = 0;            // lower bound of scales, if a state is zero
+  // fraction of the motion of a step that a projection may undo, beyond tolerances
   double max_undone = 0;
-  bool continued = false;     // keep the steps of earlier calls
+  bool continued = false;     // whether the steps of earlier calls are kept
   double seconds = 0;         // limit of computing time, checked after each step
-  long max_steps = 0;         // taken or rejected
-  long max_carries = 0;       // nodes with a recorded carry
+  long max_steps = 0;         // largest number of steps, taken or rejected
+  long max_carries = 0;       // largest number of nodes with a recorded carry
 
   Steps steps;
   long taken = 0, rejected = 0;
-  bool needs_python = false;  // for the next step
+  bool needs_python = false;  // whether the next step needs Python
 
   FIELDS(interval, control, grid, monitor, events, jumps, modes, adaptive, project, monitored, tolerated_move, tiny,
          max_undone, continued, seconds, max_steps, max_carries, taken, rejected, needs_python)

@@ -23,7 +23,7 @@ struct InputData {
   FIELDS(value, linear, by_rate)
 };
 
-// A number of the mechanism that depends on a parameter: its path in the data, and its derivative.
+// A value in the data that depends on a parameter: its path, and its derivative.
 struct ParameterEffect {
   std::vector<std::string> path;
   double by = 0;
@@ -111,7 +111,7 @@ class ExportedMechanism {
     FIELDS(switches, guards)
   };
   Vector guards() const;
-  void set_guards(const Vector& guards);  // of the current mode
+  void set_guards(const Vector& guards);  // set the guards of the current mode
   void build();
   void clear_core();
   [[noreturn]] void fail(const char* what) const;
@@ -141,7 +141,7 @@ class ExportedMechanism {
   ModeData modes_;
   StartData start_;
   CoordinateLimits limits_;
-  Vector values_, next_inputs_;  // of parameters; of linear inputs at the end of the next step, nan: unchanged
+  Vector values_, next_inputs_;  // parameters; linear inputs at the end of the next step, nan: unchanged
   std::vector<Setting> settings_;
   bool jumped_ = false, by_steps_ = true, current_ = false, derivatives_current_ = false;
   std::optional<Configuration> other_;

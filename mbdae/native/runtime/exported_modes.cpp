@@ -10,7 +10,7 @@ namespace mbdae {
 
 namespace {
 
-// upper bound
+// upper bound of the number of guards in any state of a switch
 int guards_of_switch(const Switch& x) { return 1 + (x.frictional() || x.kind == Switch::Kind::ratchet); }
 
 }  // namespace
@@ -31,7 +31,7 @@ GuardMonitor::Values ExportedMechanism::guard_values(const double* y, bool advan
 double ExportedMechanism::next_event() const {
   double out = INFINITY;
   for (size_t i = 0; i < run_.modes.guards.size(); ++i) {
-    const double end = monitor_->takeoff_end(static_cast<int>(i));
+    const double end = monitor_->first_quarter_of_flight(static_cast<int>(i));
     const double impact = run_.modes.last_impact[run_.modes.guards[i].element];
     if (end - time() > run_.modes.coincident * (end - impact)) out = std::min(out, end);
   }

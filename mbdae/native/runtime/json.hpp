@@ -14,7 +14,7 @@ struct Json {
   bool boolean = false;
   double number = 0;
   std::string text;
-  std::vector<double> values;  // of a list that contains only numbers
+  std::vector<double> values;  // numbers of a list that contains nothing else
   std::vector<Json> list;
   std::vector<std::pair<std::string, Json>> table;
 

@@ -26,7 +26,7 @@ void ParameterPartials::forces(const LinearizationPoint& point, Vector& P) {
     const ModelComponent::Kind kind = components_[i].kind;
     if (kind == ModelComponent::inertia) inertia_columns(i, P);
     if (kind == ModelComponent::placement) placement_columns(i, P);
-    if (kind == ModelComponent::gravity && point.loaded) gravity_columns(i, P);
+    if (kind == ModelComponent::gravity && point.has_applied_forces) gravity_columns(i, P);
     if (kind != ModelComponent::armature) continue;
     for (const Direction* d : directions_of_[i])
       for (int k = 0; k < s_.nv; ++k) P[d->parameter * n + k] -= d->x[k] * point.vdot[k];

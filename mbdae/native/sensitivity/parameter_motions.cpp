@@ -113,7 +113,7 @@ void ParameterPartials::contract(const LinearizationPoint& point, const double* 
     double* sum = sums[i].data();
     if (x.kind == ModelComponent::armature)
       for (int k = 0; k < nv; ++k) sum[k] -= cotangent[k] * point.vdot[k];
-    if (x.kind == ModelComponent::gravity && point.loaded)
+    if (x.kind == ModelComponent::gravity && point.has_applied_forces)
       for (int k = 0; k < 3; ++k) sum[k] += H_[0][k];
     if (x.kind == ModelComponent::inertia && !is_zero(U_[x.id])) {
       double U[6], V[6], A[6], VU[6];

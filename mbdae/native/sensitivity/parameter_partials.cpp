@@ -85,7 +85,7 @@ void ParameterPartials::evaluate_terms(const LinearizationPoint& point) {
   const MultibodyTree& m = s_.tree;
   if (needs_kinematics_) {
     double g[3] = {0, 0, 0};
-    if (point.loaded) m.gravity(g);
+    if (point.has_applied_forces) m.gravity(g);
     for (int i = 0; i < 3; ++i) A_[0][i] = -g[i];
     update_motions<true>(point.u.data(), point.vdot.data());
     for (int j : inertial_joints_) body_[j] = m.body(j);
@@ -108,16 +108,16 @@ void ParameterPartials::evaluate_changed(const LinearizationPoint& point) {
       double gravity[3] = {0, 0, 0};
       const Vector zero(nv, 0.0);
       const bool has_gravity = !c.gravity.empty();
-      if (point.loaded) m.gravity(gravity);
+      if (point.has_applied_forces) m.gravity(gravity);
       if (has_gravity)
-        for (int l = 0; l < 3; ++l) gravity[l] = point.loaded ? c.gravity[l] : 0;
+        for (int l = 0; l < 3; ++l) gravity[l] = point.has_applied_forces ? c.gravity[l] : 0;
       std::fill(other.begin(), other.end(), 0.0);
       m.add_forces(c.bodies, point.q.data(), has_gravity ? zero.data() : v,
                    has_gravity ? zero.data() : point.vdot.data(), gravity, other.data());
       for (size_t l = 0; l < nv; ++l) P[l] -= other[l];
     }
     for (const PerturbedLaws& perturbed : c.laws) {
-      if (!point.loaded) break;
+      if (!point.has_applied_forces) break;
       law_states.resize(c.indices.size()), rates.assign(c.indices.size(), 0.0);
       for (size_t l = 0; l < c.indices.size(); ++l) law_states[l] = s[c.indices[l]];
       std::fill(conservative.begin(), conservative.end(), 0.0), std::fill(other.begin(), other.end(), 0.0);

@@ -31,7 +31,7 @@ inline int size_of(ModelComponent::Kind kind, int nv) {
                                             : 6;
 }
 
-struct Direction {  // of a parameter in a model component
+struct Direction {  // direction of a parameter in a model component
   int parameter, component;
   Vector x;
 
@@ -136,7 +136,7 @@ class ParameterPartials {
   const std::vector<ModelComponent> components_;
   const std::vector<Direction> directions_;
   std::vector<ChangedElement> changed_;
-  std::map<const Pair*, std::vector<MovedFrame>> moved_frames_;  // of all pairs
+  std::map<const Pair*, std::vector<MovedFrame>> moved_frames_;  // moved frames of all pairs
   bool frames_move_ = false, has_placement_ = false, needs_kinematics_ = false, has_changed_rows_ = false;
   bool has_moving_rows_ = false;           // rows depend on placements or frames
   std::vector<std::vector<int>> columns_;  // columns of J of each joint
@@ -144,20 +144,20 @@ class ParameterPartials {
   // (joints, joints): whether the second joint is the first or its ancestor
   std::vector<std::vector<bool>> has_ancestor_;
   std::vector<std::vector<int>> subtree_;             // the subtree of each joint; of the world: all joints
-  std::vector<std::vector<const Direction*>> directions_of_;  // of each component
+  std::vector<std::vector<const Direction*>> directions_of_;  // directions in each component
   std::vector<int> moving_joints_, inertial_joints_;          // joints whose motions, and whose bodies are required
   struct Sums {
     std::vector<Vector> components;
     Vector columns, changed;  // (k,) from `add_columns`; of perturbed laws and rows
   };
   std::vector<Sums> sums_;        // gradients of each cost
-  Vector changed_P_, changed_Q_;  // of perturbed laws and rows: (changed, n), (changed, ng)
+  Vector changed_P_, changed_Q_;  // P and Q of perturbed laws and rows: (changed, n), (changed, ng)
 
   // By joint: V velocity, A acceleration minus gravity, U virtual velocity, X = U + power V. Sums over its subtree:
   // F = I A + V x* h, H = I U, C = V x* I U - U x* h - I (V x U), W change of the wrench. Of its body: h = I V.
   std::vector<Six> V_, A_, U_, X_, F_, H_, C_, W_, h_;
   std::vector<Body> body_;
-  std::vector<WorldPose> world_poses_;  // of all components
+  std::vector<WorldPose> world_poses_;  // poses of all components
   std::vector<RequestedRow> requested_;
   std::vector<WrenchPartials> gaps_;  // (ng,) wrenches of single rows
 };

@@ -69,7 +69,7 @@ void ProjectionSensitivity::correct(Correction& c, double t, const double* q, co
   solve(c, x.data(), eta.data());
   c.x = x;
   LinearizationPoint& p = c.point;
-  p.loaded = false, p.t = t, p.q.assign(q, q + nq), p.u.assign(nv + s_.ns + 1, 0.0), p.vdot.assign(nv, 0.0);
+  p.has_applied_forces = false, p.t = t, p.q.assign(q, q + nq), p.u.assign(nv + s_.ns + 1, 0.0), p.vdot.assign(nv, 0.0);
   p.lam.assign(s_.ng, 0.0), p.wrenches.clear(), p.constraint_points.resize(1);
   LinearizationPoint::ConstraintPoint& constrained = p.constraint_points[0];
   constrained.t = t, constrained.q = p.q,
@@ -175,24 +175,26 @@ void ProjectionSensitivity::reverse(int costs, double* cotangents, size_t width)
   const int nv = s_.nv, n = nv + s_.ns + 1;
   const std::vector<int>& position = s_.rows.position();
   const size_t r = s_.rows.in_use().size();
-  Vector mus(costs * static_cast<size_t>(n)), nus(costs * r), q0_cotangents(costs * static_cast<size_t>(nv), 0.0),
-      rotated(nv);
+  Vector force_cotangents(costs * static_cast<size_t>(n)), row_cotangents(costs * r),
+      q0_cotangents(costs * static_cast<size_t>(nv), 0.0), rotated(nv);
   for (size_t i = count_; i-- > 0;) {
     const Correction& c = *corrections_[i];
-    std::fill(mus.begin(), mus.end(), 0.0), std::fill(nus.begin(), nus.end(), 0.0);
+    std::fill(force_cotangents.begin(), force_cotangents.end(), 0.0),
+        std::fill(row_cotangents.begin(), row_cotangents.end(), 0.0);
     for (int d = 0; d < costs; ++d) {
-      double *q = cotangents + d * width, *v = q + nv, *mu = &mus[d * static_cast<size_t>(n)], *nu = nus.data() + d * r;
+      double *q = cotangents + d * width, *v = q + nv, *force_bar = &force_cotangents[d * static_cast<size_t>(n)],
+             *row_bar = row_cotangents.data() + d * r;
       if (c.velocity_level) {
-        for (int e = 0; e < nv; ++e) mu[e] = -v[e];
+        for (int e = 0; e < nv; ++e) force_bar[e] = -v[e];
       } else {
-        apply(c.integrate_partials, &IntegratePartialsBlock::R, true, true, nv, q, mu);
-        for (int e = 0; e < nv; ++e) mu[e] = -mu[e];
+        apply(c.integrate_partials, &IntegratePartialsBlock::R, true, true, nv, q, force_bar);
+        for (int e = 0; e < nv; ++e) force_bar[e] = -force_bar[e];
         apply(c.integrate_partials, &IntegratePartialsBlock::A, true, true, nv, q, rotated.data());
         std::copy(rotated.begin(), rotated.end(), q);
       }
-      solve_transposed(c, mu, nu);
+      solve_transposed(c, force_bar, row_bar);
       for (int row : c.rows) {
-        const double w = nu[position[row]];
+        const double w = row_bar[position[row]];
         s_.constraints.add(row, c.G, w, c.velocity_level ? v : q);
         const double* b = c.is_nonzero ? &c.B[static_cast<size_t>(position[row]) * nv] : nullptr;
         const double* bv = c.velocity_level ? &c.Bv[static_cast<size_t>(position[row]) * nv] : nullptr;
@@ -202,12 +204,12 @@ void ProjectionSensitivity::reverse(int costs, double* cotangents, size_t width)
         }
       }
       if (!c.is_nonzero) continue;
-      add_transposed(c.K, nv, nv, mu, q);
+      add_transposed(c.K, nv, nv, force_bar, q);
       std::fill(rotated.begin(), rotated.end(), 0.0);
-      add_transposed(c.T, nv, nv, mu, rotated.data());
+      add_transposed(c.T, nv, nv, force_bar, rotated.data());
       for (int e = 0; e < nv; ++e) q0_cotangents[d * static_cast<size_t>(nv) + e] -= rotated[e];
     }
-    parameters_.add_point(c.point, mus, nus);
+    parameters_.add_point(c.point, force_cotangents, row_cotangents);
   }
   for (int d = 0; d < costs; ++d)
     for (int e = 0; e < nv; ++e) cotangents[d * width + e] += q0_cotangents[d * static_cast<size_t>(nv) + e];

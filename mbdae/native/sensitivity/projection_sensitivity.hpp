@@ -31,7 +31,7 @@ class ProjectionSensitivity {
     LinearizationPoint point;
     bool velocity_level = false, is_nonzero = false;  // is_nonzero: of x
     std::vector<int> rows;                            // (r,) rows that it satisfies
-    BandLU lu;                         // of G M^-1 G^T
+    BandLU lu;                         // factors of G M^-1 G^T
     Vector G, Z, x;                    // entries by rows, entries by rows, (nv,)
     Vector K, B, T, Bv;                // (nv, nv), (r, nv), (nv, nv), (r, nv); see correct()
     std::vector<IntegratePartialsBlock> integrate_partials;

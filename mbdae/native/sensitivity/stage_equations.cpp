@@ -30,7 +30,7 @@ void StageEquations::take(const double* y0, const StageValues& stage, const Inde
   k_ = position_rows_ ? static_cast<int>(position_rows_->in_use().size()) : 0;
   m_ = ny + r_ + (position_rows_ ? nv + k_ : 0);
   unknown_partials.setZero(m_, m_), x.setZero(m_, ny), xhat.setZero(m_, 2 * nv), y.setZero(m_, ny);
-  t.setZero(m_), that.setZero(m_);
+  t.setZero(m_), t_hat.setZero(m_);
   if (forward_) p.setZero(m_, static_cast<int>(parameters_.count()));
   for (LinearizationPoint* point : {&point_, &mu_point_}) point->constraint_points.clear(), point->wrenches.clear();
   constraints(y0, stage);
@@ -56,7 +56,7 @@ void StageEquations::take(const double* y0, const StageValues& stage, const Inde
 void StageEquations::constraints(const double* y0, const StageValues& stage) {
   const int nv = s_.nv, nq = s_.nq, ny = s_.ny;
   const bool requested = parameters_.frames_move();
-  LinearizationPoint::ConstraintPoint constrained{stage.that, Vector(nq), Vector(nv),
+  LinearizationPoint::ConstraintPoint constrained{stage.t_hat, Vector(nq), Vector(nv),
                                                   LinearizationPoint::ConstraintPoint::rate, 1};
   s_.manifold.integrate(y0, stage.xhat.data(), constrained.q.data());
   for (int i = 0; i < nv; ++i) constrained.v[i] = y0[nq + i] + stage.xhat[nv + i];
@@ -67,12 +67,12 @@ void StageEquations::constraints(const double* y0, const StageValues& stage) {
   s_.closure_partials(constrained.q.data(), constrained.v.data(), nullptr, nullptr, &Bhat_, nullptr,
                       requested ? &constrained.wrench_partials : nullptr);
   time_.assign(s_.ng, 0.0);
-  s_.constraints.evaluate_g_tt(stage.that, time_.data());
+  s_.constraints.evaluate_g_tt(stage.t_hat, time_.data());
   for (int k : s_.rows.in_use()) {
     const int i = s_.rows.position()[k];
     xhat.row(ny + i).head(nv) = ConstMatrixMap(&Bhat_[static_cast<size_t>(i) * nv], 1, nv);
     xhat.row(ny + i).tail(nv) = ConstMatrixMap(&G_[static_cast<size_t>(k) * nv], 1, nv);
-    that[ny + i] = time_[k];
+    t_hat[ny + i] = time_[k];
   }
   point_.constraint_points.push_back(std::move(constrained));
   if (forward_) {
@@ -83,14 +83,14 @@ void StageEquations::constraints(const double* y0, const StageValues& stage) {
   const LinearizationPoint::ConstraintPoint& constraint_point = point_.constraint_points[0];
   mu_point_.rows = position_rows_;
   mu_point_.constraint_points.push_back(
-      {stage.that, constraint_point.q, constraint_point.v, LinearizationPoint::ConstraintPoint::g, 1});
+      {stage.t_hat, constraint_point.q, constraint_point.v, LinearizationPoint::ConstraintPoint::g, 1});
   time_.assign(s_.ng, 0.0);
-  s_.constraints.evaluate_g_t(stage.that, time_.data());
+  s_.constraints.evaluate_g_t(stage.t_hat, time_.data());
   const int first = ny + r_ + nv;
   for (int k : position_rows_->in_use()) {
     const int i = first + position_rows_->position()[k];
     xhat.row(i).head(nv) = ConstMatrixMap(&G_[static_cast<size_t>(k) * nv], 1, nv);
-    that[i] = time_[k];
+    t_hat[i] = time_[k];
   }
   if (!forward_) return;
   parameters_.rows(mu_point_, Q_, constraint_point.q);
@@ -154,7 +154,7 @@ void StageEquations::positions(const StageValues& stage) {
   const int nv = s_.nv, ny = s_.ny, first = ny + r_;
   const Vector zero(nv, 0.0);
   LinearizationPoint& o = mu_point_;
-  o.loaded = false, o.t = stage.t, o.q = point_.q, o.u.assign(n_, 0.0), o.vdot = stage.mu_velocity, o.lam = stage.mu;
+  o.has_applied_forces = false, o.t = stage.t, o.q = point_.q, o.u.assign(n_, 0.0), o.vdot = stage.mu_velocity, o.lam = stage.mu;
   unknown_partials.block(first, first, nv, nv) = unknown_partials.block(nv, nv, nv, nv);
   for (int k : position_rows_->in_use()) {
     const ConstMatrixMap row(&G_[static_cast<size_t>(k) * nv], 1, nv);
@@ -172,14 +172,14 @@ void StageEquations::positions(const StageValues& stage) {
   p.middleRows(first, nv) = -ConstMatrixMap(P_.data(), p.cols(), n_).leftCols(nv).transpose();
 }
 
-void StageEquations::add_parameters(const Eigen::MatrixXd& mu) {
+void StageEquations::add_parameters(const Eigen::MatrixXd& equation_cotangents) {
   const int nv = s_.nv, ny = s_.ny;
   Vector force_cotangents, row_cotangents;
-  // mu (m, costs): cotangents of equations, and of rows with opposite sign
+  // cotangents of forces, and of rows with opposite sign
   const auto gather = [&](int first, int size, int rows, int last) {
     force_cotangents.clear(), row_cotangents.clear();
-    for (int c = 0; c < mu.cols(); ++c) {
-      const double* column = mu.col(c).data();
+    for (int c = 0; c < equation_cotangents.cols(); ++c) {
+      const double* column = equation_cotangents.col(c).data();
       force_cotangents.insert(force_cotangents.end(), column + first, column + first + size),
           force_cotangents.resize((c + 1) * n_, 0.0);
       for (int k = rows; k < last; ++k) row_cotangents.push_back(-column[k]);

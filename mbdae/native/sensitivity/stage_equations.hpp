@@ -7,7 +7,7 @@
 namespace mbdae {
 
 struct StageValues {
-  double t, that;
+  double t, t_hat;
   Vector x, xhat;        // (ny,), and (2 nv,) of the constraint point: increments, with the term of the stage itself
   Vector F;              // (ny,) x'
   Vector lam, mu, mu_velocity;  // (ng,), (ng,) by row, (nv,) M^-1 P^T mu; the last two of GGL
@@ -29,11 +29,11 @@ class StageEquations {
   void take(const double* y0, const StageValues& stage, const IndependentRows* positions);
   int size() const { return m_; }
   // Add the cotangents of the parameters, from those of the equations, (m, costs).
-  void add_parameters(const Eigen::MatrixXd& mu);
+  void add_parameters(const Eigen::MatrixXd& equation_cotangents);
 
   Rows<double> unknown_partials, x, xhat, y;  // (m, m) at fixed x and xhat; (m, ny), (m, 2 nv), (m, ny)
   Rows<double> p;                             // (m, k), for tangents
-  Eigen::VectorXd t, that;       // (m,)
+  Eigen::VectorXd t, t_hat;       // (m,)
 
  private:
   void constraints(const double* y0, const StageValues& stage);

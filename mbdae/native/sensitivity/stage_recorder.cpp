@@ -1,7 +1,7 @@
 // Half-explicit and collocation steps that record their stages, for tangents and adjoints.
 #include <algorithm>
 
-#include "sensitivity/coupled_stages.hpp"
+#include "sensitivity/general_step_sensitivity.hpp"
 #include "steps/ggl.hpp"
 #include "steps/formulations.hpp"
 
@@ -23,10 +23,10 @@ class RecordingHalfExplicit final : public Step, public StageRecorder {
   }
 
  protected:
-  void stage(double t, double that, double factor, double* F, bool last) override {
-    Step::stage(t, that, factor, F, last);
+  void stage(double t, double t_hat, double factor, double* F, bool last) override {
+    Step::stage(t, t_hat, factor, F, last);
     const int nv = this->nv_, ny = this->ny_;
-    StageValues v{t, that, Vector(this->x_.begin(), this->x_.begin() + ny),
+    StageValues v{t, t_hat, Vector(this->x_.begin(), this->x_.begin() + ny),
                   Vector(this->xhat_.begin(), this->xhat_.begin() + 2 * nv), Vector(F, F + ny),
                   Vector(this->s_.ng, 0.0), {}, {}};
     for (int i = 0; i < 2 * nv; ++i) v.xhat[i] += factor * F[i];

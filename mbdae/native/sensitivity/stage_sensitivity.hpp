@@ -21,12 +21,12 @@ struct LinearizationPoint {
     double weight;
     std::vector<WrenchPartials> wrench_partials = {};  // (ng,) of rows in use, unless kind is g
   };
-  bool loaded = true;                     // includes laws and gravity
+  bool has_applied_forces = true;                     // includes laws and gravity
   bool at_rest = false;                   // no forces and no velocity: P is 0
   const IndependentRows* rows = nullptr;  // rows of `constraint_points` and `nu`; nullptr: rows in use
   double t = 0;
   Vector q, u, vdot, lam;              // (nq,), (nv + ns + 1,), (nv,), (ng,)
-  std::vector<LawWrench> wrenches;     // of laws and closures, if placements or frames are parameters
+  std::vector<LawWrench> wrenches;     // wrenches of laws and closures, if placements or frames are parameters
   std::vector<ConstraintPoint> constraint_points;
 };
 
@@ -40,7 +40,7 @@ class StageSensitivity : public LinearizationPoint {
   Vector Bhat;        // (r, nv)
   Vector Ghat, Zhat;  // entries by rows, at the constraint point of the stage
   std::vector<IntegratePartialsBlock> integrate_partials, integrate_partials_hat;
-  BandLU lu;                            // of Zhat Z^T
+  BandLU lu;                            // factors of Zhat Z^T
   Configuration point;                          // M and its factors, Z
 
   // The tangent of x' (ny,) from those of x, xhat and y_n (ny,); P dp (n,) and Q dp (r,) may be null.

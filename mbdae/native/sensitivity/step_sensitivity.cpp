@@ -21,11 +21,11 @@ void StepSensitivity::repeat(double t, double h, const State& in, State& out, bo
   while (partials && static_cast<int>(stages_.size()) < n) stages_.emplace_back(new StageSensitivity(s_));
   if (forward_) P_.resize(n), Q_.resize(n);
   for (int i = a.explicit_first; i < n; ++i) {
-    const double stage_t = t + a.c[i] * h, that = t + a.chat[i] * h, factor = h * a.Ahat[i * n + i];
+    const double stage_t = t + a.c[i] * h, t_hat = t + a.chat[i] * h, factor = h * a.Ahat[i * n + i];
     double* F = F_.data() + static_cast<size_t>(i) * stride;
     combine(&a.A[i * n], i, h, x_), combine(&a.Ahat[i * n], i, h, xhat_);
-    stage(stage_t, that, factor, F, false);
-    if (partials) record_stage(i, stage_t, that, factor, F);
+    stage(stage_t, t_hat, factor, F, false);
+    if (partials) record_stage(i, stage_t, t_hat, factor, F);
   }
   combine(a.b.data(), n, h, x_);
   s_.manifold.check_rotations(x_.data());
@@ -35,7 +35,7 @@ void StepSensitivity::repeat(double t, double h, const State& in, State& out, bo
   if (partials) s_.manifold.integrate_partials(x_.data(), x_.data(), end_);
 }
 
-void StepSensitivity::record_stage(int i, double t, double that, double factor, const double* F) {
+void StepSensitivity::record_stage(int i, double t, double t_hat, double factor, const double* F) {
   StageSensitivity& k = *stages_[i];
   k.t = t, k.factor = factor;
   k.q = q_, k.vdot.assign(F + nv_, F + 2 * nv_);
@@ -48,7 +48,7 @@ void StepSensitivity::record_stage(int i, double t, double that, double factor, 
   if (!s_.rows.in_use().empty()) {
     k.constraint_points.resize(1);
     LinearizationPoint::ConstraintPoint& constrained = k.constraint_points[0];
-    constrained.t = that, constrained.kind = LinearizationPoint::ConstraintPoint::rate, constrained.weight = 1,
+    constrained.t = t_hat, constrained.kind = LinearizationPoint::ConstraintPoint::rate, constrained.weight = 1,
     constrained.q = qhat_, constrained.v.resize(nv_);
     for (int i = 0; i < nv_; ++i) constrained.v[i] = v0_[i] + xhat_[nv_ + i] + factor * k.vdot[i];
     k.Ghat = Ghat_, k.Zhat = Zhat_, k.lu = s_.saddle.factors();
@@ -140,9 +140,9 @@ void StepSensitivity::reverse(int costs, double* cotangents) {
       upper_.insert(upper_.end(), stage.upper.begin(), stage.upper.end());
       nu_.insert(nu_.end(), stage.nu.begin(), stage.nu.end());
       for (int j = 0; j < i; ++j) {
-        const double w = h_ * a_.A[i * n + j], what = h_ * a_.Ahat[i * n + j];
-        if (w == 0 && what == 0) continue;
-        for (int c = 0; c < ny; ++c) dF[j * ny + c] += w * x_bar_[c] + what * xhat_bar_[c];
+        const double w = h_ * a_.A[i * n + j], w_hat = h_ * a_.Ahat[i * n + j];
+        if (w == 0 && w_hat == 0) continue;
+        for (int c = 0; c < ny; ++c) dF[j * ny + c] += w * x_bar_[c] + w_hat * xhat_bar_[c];
       }
     }
     if (parameters_) parameters_->add_point(stage, upper_, nu_);

@@ -18,12 +18,12 @@ class StepSensitivity final : public HalfExplicitStep, public StepMap {
   // partials: whether to store the partials of the step.
   void repeat(double t, double h, const State& in, State& out, bool partials);
   void repeat(double t, double h, const State& in, State& out) override { repeat(t, h, in, out, true); }
-  // dh and dt are ignored; `CoupledStages` supports them.
+  // dh and dt are ignored; `GeneralStepSensitivity` supports them.
   void forward(int directions, double* tangents, const double* dp, const double* dh, const double* dt) override;
   void reverse(int costs, double* cotangents) override;
 
  private:
-  void record_stage(int stage, double t, double that, double factor, const double* F);
+  void record_stage(int stage, double t, double t_hat, double factor, const double* F);
 
   ParameterPartials* parameters_;
   const bool forward_;
@@ -32,8 +32,8 @@ class StepSensitivity final : public HalfExplicitStep, public StepMap {
   std::vector<std::unique_ptr<StageSensitivity>> stages_;
   std::vector<IntegratePartialsBlock> end_;
   Vector dF_, Q_dp_, x_bar_, xhat_bar_, P_dp_;
-  std::vector<Vector> P_, Q_;  // of stages, for tangents
-  Vector upper_, nu_;          // of a stage, for cotangents: (costs, n), (costs, r)
+  std::vector<Vector> P_, Q_;  // P and Q of stages, for tangents
+  Vector upper_, nu_;          // cotangents of a stage, (costs, n) and (costs, r)
 };
 
 }  // namespace mbdae

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sensitivity/coupled_stages.hpp"
+#include "sensitivity/general_step_sensitivity.hpp"
 #include "sensitivity/step_sensitivity.hpp"
 #include "steps/formulations.hpp"
 #include "system/projection.hpp"
@@ -22,10 +22,10 @@ void set_state(const Index2System& s, const TrajectorySegment& g, const double* 
 
 std::unique_ptr<StepMap> step_map(Index2System& s, ParameterPartials& parameters, const TrajectorySegment& g,
                                   bool forward, bool varying) {
-  if (g.radau) return std::make_unique<CoupledStages>(s, parameters, forward, StepCoefficients(*g.radau), recorder(s, *g.radau));
+  if (g.radau) return std::make_unique<GeneralStepSensitivity>(s, parameters, forward, StepCoefficients(*g.radau), recorder(s, *g.radau));
   if (!varying && s.formulation == Formulation::index2 && !s.friction)
     return std::make_unique<StepSensitivity>(s, &parameters, *g.tableau, forward);
-  return std::make_unique<CoupledStages>(s, parameters, forward, StepCoefficients(*g.tableau), recorder(s, *g.tableau));
+  return std::make_unique<GeneralStepSensitivity>(s, parameters, forward, StepCoefficients(*g.tableau), recorder(s, *g.tableau));
 }
 
 // The interval between two nodes: one step, or two of half the size, and the projection of its end.

@@ -7,9 +7,9 @@
 namespace mbdae {
 
 inline void momentum(const Body& b, const double* V, double* out) {  // I V
-  double arm[3];
-  cross(V + 3, b.centre, arm);
-  for (int i = 0; i < 3; ++i) out[i] = b.mass * (V[i] + arm[i]);
+  double relative[3];  // velocity of the centre of mass relative to the origin
+  cross(V + 3, b.centre, relative);
+  for (int i = 0; i < 3; ++i) out[i] = b.mass * (V[i] + relative[i]);
   cross(b.centre, out, out + 3);
   for (int i = 0; i < 3; ++i) out[3 + i] += dot(b.I + 3 * i, V + 3);
 }
@@ -25,15 +25,15 @@ struct WorldPose {  // a body, a joint placement, or a frame, in the world; R by
   }
 
   void to_world(const double* x, double* out) const {  // a motion, from the axes of the frame to the world
-    double arm[3];
-    rotate(R, x, out), rotate(R, x + 3, out + 3), cross(p, out + 3, arm);
-    for (int i = 0; i < 3; ++i) out[i] += arm[i];
+    double moment[3];
+    rotate(R, x, out), rotate(R, x + 3, out + 3), cross(p, out + 3, moment);
+    for (int i = 0; i < 3; ++i) out[i] += moment[i];
   }
 
   void wrench_to_world(const double* w, double* out) const {
-    double arm[3];
-    rotate(R, w, out), rotate(R, w + 3, out + 3), cross(p, out, arm);
-    for (int i = 0; i < 3; ++i) out[3 + i] += arm[i];
+    double moment[3];
+    rotate(R, w, out), rotate(R, w + 3, out + 3), cross(p, out, moment);
+    for (int i = 0; i < 3; ++i) out[3 + i] += moment[i];
   }
 };
 

@@ -115,9 +115,9 @@ void CollocationStep::enlarge_scale(const Radau& a, const Vector& displacements)
   Vector scale(size_);
   double largest_scale = 0;
   for (int k = 0; k < s_.controlled_components(); ++k) {
-    double move = 0;
-    for (int i = 0; i < a.s; ++i) move = std::max(move, std::fabs(displacements[i * ny_ + k]));
-    scale[k] += move, largest_scale = std::max(largest_scale, scale[k]);
+    double largest = 0;
+    for (int i = 0; i < a.s; ++i) largest = std::max(largest, std::fabs(displacements[i * ny_ + k]));
+    scale[k] += largest, largest_scale = std::max(largest_scale, scale[k]);
   }
   for (int k = 0; k < s_.controlled_components(); ++k)
     scale_[k] = std::max(scale_[k], scale[k] + a.negligible * largest_scale);
@@ -126,7 +126,7 @@ void CollocationStep::enlarge_scale(const Radau& a, const Vector& displacements)
 bool CollocationStep::solve(const Radau& a, int max_iterations, double accuracy, double t, StageMemory& m) {
   const int s = a.s, ny = ny_, r = static_cast<int>(m.unknowns.size()), n_controlled = s_.controlled_components();
   const double h = m.h, acceptable = std::max(a.iteration_rounding, accuracy);
-  for (Vector* x : {&X_, &R_, &dK_, &moves_}) x->resize(s * ny);
+  for (Vector* x : {&X_, &R_, &dK_, &displacements_}) x->resize(s * ny);
   C_.resize(s * r), dZ_.resize(s * r), dk_.resize(2 * ny), dz_.resize(2 * r);
   combine(a.A, m.K.data(), s, ny, h, X_.data());
   std::fill(scale_.begin(), scale_.end(), 0.0);
@@ -138,13 +138,13 @@ bool CollocationStep::solve(const Radau& a, int max_iterations, double accuracy,
     for (int i = 0; i < s * ny; ++i) m.K[i] += dK_[i];
     for (int i = 0; i < s * r; ++i) m.Z[i] += dZ_[i];
     combine(a.A, m.K.data(), s, ny, h, X_.data());
-    combine(a.A, dK_.data(), s, ny, h, moves_.data());
-    if (!k) enlarge_scale(a, moves_);  // from rest without forces, the initial guess predicts no change
+    combine(a.A, dK_.data(), s, ny, h, displacements_.data());
+    if (!k) enlarge_scale(a, displacements_);  // from rest without forces, the initial guess predicts no change
     double sum = 0;
     for (int i = 0; i < s; ++i)
       for (int j = 0; j < n_controlled; ++j) {
-        const double move = moves_[i * ny + j] / (scale_[j] + std::numeric_limits<double>::min());
-        sum += move * move;
+        const double x = displacements_[i * ny + j] / (scale_[j] + std::numeric_limits<double>::min());
+        sum += x * x;
       }
     const double size = std::sqrt(sum / (s * n_controlled));
     s_.counts.newton += 1;

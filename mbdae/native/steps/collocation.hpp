@@ -10,7 +10,7 @@
 
 namespace mbdae {
 
-struct EigenMode {  // of A: A x = Re sum column value (row . x)
+struct EigenMode {  // eigenvalue of A with its vectors: A x = Re sum column value (row . x)
   std::complex<double> value;
   std::vector<std::complex<double>> column, row;  // (s,)
 
@@ -43,7 +43,7 @@ class StageSolver;
 struct LinearizedStages {
   EquationPartials partials;
   std::vector<TangentBlock> tangents;
-  Vector P, N = {};  // of GGL, (k, nv): positional rows in use, and M^-1 P^T by columns
+  Vector P, N = {};  // for GGL, (k, nv): positional rows in use, and M^-1 P^T by columns
 };
 
 // Data that a step passes to the next one.
@@ -90,7 +90,7 @@ class CollocationStep {
   const int nq_, nv_, ns_, ny_;
   Vector y0_, size_;                                    // (length,), (ny,) at the start of the step
   Vector q_, u_, f_, inertial_, G_, gt_, lam_, rates_;  // scratch
-  Vector scale_, X_, R_, dK_, moves_, C_, dZ_;          // (ny,), (s, ny) four times, (s, r) twice
+  Vector scale_, X_, R_, dK_, displacements_, C_, dZ_;          // (ny,), (s, ny) four times, (s, r) twice
   Vector dk_, dz_, work_;                               // (2, ny), (2, r)
 };
 

@@ -13,7 +13,7 @@ GGLStep::GGLStep(Index2System& s)
       positions_(s),
       mu_(s.ng),
       mu_velocity_(nv_),
-      gap_(s.ng),
+      g_(s.ng),
       dmu_(s.ng),
       dmu_velocity_(nv_),
       move_(nv_),
@@ -29,30 +29,30 @@ void GGLStep::set_carry(const double* F, Vector& carry) const {
   carry.insert(carry.end(), F + nv_, F + ny_);
 }
 
-void GGLStep::stage(double t, double that, double factor, double* F, bool last) {
+void GGLStep::stage(double t, double t_hat, double factor, double* F, bool last) {
   std::copy_n(x_.begin(), nv_, stage_x_.begin());
   std::fill(mu_.begin(), mu_.end(), 0.0), std::fill(mu_velocity_.begin(), mu_velocity_.end(), 0.0);
-  HalfExplicitStep::stage(t, that, factor, F, last);
+  HalfExplicitStep::stage(t, t_hat, factor, F, last);
 }
 
-void GGLStep::satisfy_constraint(double that, double factor, double* dx) {
+void GGLStep::satisfy_constraint(double t_hat, double factor, double* dx) {
   const std::vector<int>& rows = positions_.in_use();
-  if (rows.empty()) return HalfExplicitStep::satisfy_constraint(that, factor, dx);
+  if (rows.empty()) return HalfExplicitStep::satisfy_constraint(t_hat, factor, dx);
   const Tolerances& tolerances = s_.tree.tolerances;
   const double scale = 1 + largest_scaled(q0_.data(), tolerances.q_scales);
   double last = INFINITY;
   for (int k = 0; k < tolerances.ggl_iterations; ++k) {
     evaluate_poses(dx, factor);
-    std::fill(gap_.begin(), gap_.end(), 0.0);
-    s_.constraints.value(s_.tree, qhat_.data(), rows, Ghat_.data(), gap_.data());
-    s_.constraints.complete_g(that, gap_.data());
-    for (int r : rows) gap_[r] /= -factor;
+    std::fill(g_.begin(), g_.end(), 0.0);
+    s_.constraints.value(s_.tree, qhat_.data(), rows, Ghat_.data(), g_.data());
+    s_.constraints.complete_g(t_hat, g_.data());
+    for (int r : rows) g_[r] /= -factor;
     compute_correction(Ghat_);
     const double size = std::fabs(factor) * largest_scaled(move_.data(), tolerances.coordinate_scales);
     if (!std::isfinite(size)) throw StepTooLong();
     if (size <= tolerances.rounding * scale || (size > 0.5 * last && size <= tolerances.search_tolerance * scale)) {
       if (!positions_.same_as_velocity_rows) factorize_constraints();
-      return check_other_rows(that);
+      return check_other_rows(t_hat);
     }
     if (s_.manifold.curved()) {
       if (!k) s_.manifold.transfer(stage_x_.data(), dx_.data(), transfer_);
@@ -69,7 +69,7 @@ void GGLStep::satisfy_constraint(double that, double factor, double* dx) {
 void GGLStep::compute_correction(const Vector& G) {
   s_.point.scale_rows(positions_.in_use(), G, Zhat_);
   positions_.saddle().factorize(Zhat_);
-  positions_.saddle().minimum_norm_correction(gap_.data(), dmu_velocity_.data(), dmu_.data());
+  positions_.saddle().minimum_norm_correction(g_.data(), dmu_velocity_.data(), dmu_.data());
   move_ = dmu_velocity_;
   s_.manifold.tangent(stage_x_.data(), move_.data());
 }
@@ -92,15 +92,15 @@ void GGLStep::transfer() {
   }
 }
 
-void GGLStep::check_other_rows(double that) {
+void GGLStep::check_other_rows(double t_hat) {
   const std::vector<int>& others = positions_.rows().remaining();
   if (others.empty()) return;
-  std::fill(gap_.begin(), gap_.end(), 0.0);
-  s_.constraints.value(s_.tree, qhat_.data(), others, Ghat_.data(), gap_.data());
-  s_.constraints.complete_g(that, gap_.data());
+  std::fill(g_.begin(), g_.end(), 0.0);
+  s_.constraints.value(s_.tree, qhat_.data(), others, Ghat_.data(), g_.data());
+  s_.constraints.complete_g(t_hat, g_.data());
   const Tolerances& tolerances = s_.tree.tolerances;
   for (int r : others)
-    if (std::fabs(gap_[r]) > tolerances.same_state * tolerances.row_scales[r]) throw FallBackToPython();
+    if (std::fabs(g_[r]) > tolerances.same_state * tolerances.row_scales[r]) throw FallBackToPython();
 }
 
 void GGLStep::project(double* e) {

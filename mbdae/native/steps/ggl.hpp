@@ -14,8 +14,8 @@ class GGLStep : public HalfExplicitStep {
   void begin_step(const double* y) override { positions_.select(y); }
   void first_stage(const Vector& carry, double* F) const override;
   void set_carry(const double* F, Vector& carry) const override;
-  void stage(double t, double that, double factor, double* F, bool last) override;
-  void satisfy_constraint(double that, double factor, double* dx) override;  // by Newton's method for mu
+  void stage(double t, double t_hat, double factor, double* F, bool last) override;
+  void satisfy_constraint(double t_hat, double factor, double* dx) override;  // by Newton's method for mu
   void project(double* e) override;
   void all_multipliers(double* z) override;
 
@@ -26,9 +26,9 @@ class GGLStep : public HalfExplicitStep {
   // Newton correction of mu, M^-1 G^T mu and x' for the gaps g; factorizes S of the rows G
   void compute_correction(const Vector& G);
   void transfer();                     // set G_transferred_
-  void check_other_rows(double that);  // throws if a row that is not in use is violated
+  void check_other_rows(double t_hat);  // throws if a row that is not in use is violated
 
-  Vector gap_, dmu_;          // (ng,) by row
+  Vector g_, dmu_;          // (ng,) by row
   Vector dmu_velocity_, move_, stage_x_;  // (nv,) correction of M^-1 G^T mu and of x'; x of a stage
   Vector G_transferred_;                  // Ghat J(xhat)^-1 J(x) of curved coordinates
   std::vector<TangentBlock> transfer_;

@@ -9,7 +9,7 @@
 namespace mbdae {
 
 GGLCollocation::GGLCollocation(Index2System& s)
-    : CollocationStep(s), positions_(s), gap_(s.ng), mu_(s.ng), mu_velocity_(s.nv) {}
+    : CollocationStep(s), positions_(s), g_(s.ng), mu_(s.ng), mu_velocity_(s.nv) {}
 
 std::vector<int> GGLCollocation::unknowns() const {
   std::vector<int> out = CollocationStep::unknowns();
@@ -41,11 +41,11 @@ void GGLCollocation::residual(double t, const double* x, const double* dx, const
   const size_t r = s_.rows.in_use().size();
   s_.counts.M += 1, s_.counts.factorizations += 1, s_.counts.G += s_.ng > 0;
   s_.point.inertia(q_.data());
-  std::fill(gap_.begin(), gap_.end(), 0.0), std::fill(mu_velocity_.begin(), mu_velocity_.end(), 0.0);
-  s_.constraints.dense_value(s_.tree, q_.data(), rows, G_, gap_.data());
-  s_.constraints.complete_g(t, gap_.data());
+  std::fill(g_.begin(), g_.end(), 0.0), std::fill(mu_velocity_.begin(), mu_velocity_.end(), 0.0);
+  s_.constraints.dense_value(s_.tree, q_.data(), rows, G_, g_.data());
+  s_.constraints.complete_g(t, g_.data());
   for (size_t i = 0; i < rows.size(); ++i) {
-    C[r + i] = -gap_[rows[i]];
+    C[r + i] = -g_[rows[i]];
     for (int c : s_.constraints.rows[rows[i]].columns)
       mu_velocity_[c] += z[r + i] * G_[static_cast<size_t>(rows[i]) * nv_ + c];
   }
@@ -57,10 +57,10 @@ void GGLCollocation::residual(double t, const double* x, const double* dx, const
 void GGLCollocation::all_multipliers(double t, const double* z, double* out) {
   CollocationStep::all_multipliers(t, z, out);
   const std::vector<int>& rows = positions_.in_use();
-  gap_ = s_.point.g;
-  s_.constraints.complete_g(t, gap_.data());
+  g_ = s_.point.g;
+  s_.constraints.complete_g(t, g_.data());
   const Tolerances& tolerances = s_.tree.tolerances;
-  if (largest_scaled(gap_.data(), tolerances.row_scales) > tolerances.same_state) throw FallBackToPython();
+  if (largest_scaled(g_.data(), tolerances.row_scales) > tolerances.same_state) throw FallBackToPython();
   std::fill(mu_.begin(), mu_.end(), 0.0);
   for (size_t i = 0; i < rows.size(); ++i) mu_[rows[i]] = z[s_.rows.in_use().size() + i];
   if (!positions_.same_as_velocity_rows && positions_.rows().dependent()) positions_.saddle().factorize_symmetric();

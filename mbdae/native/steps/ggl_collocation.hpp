@@ -21,7 +21,7 @@ class GGLCollocation : public CollocationStep {
   PositionRows positions_;
 
  private:
-  Vector gap_, mu_;  // (ng,)
+  Vector g_, mu_;  // (ng,)
   Vector mu_velocity_;  // (nv,)
 };
 

@@ -45,7 +45,7 @@ void HalfExplicitStep::set_stage_state() {
   for (int i = 0; i < ns_; ++i) s_in_[i] = s0_[i] + x_[2 * nv_ + i];
 }
 
-void HalfExplicitStep::stage(double t, double that, double factor, double* F, bool last) {
+void HalfExplicitStep::stage(double t, double t_hat, double factor, double* F, bool last) {
   Configuration& point = s_.point;
   MultibodyTree& m = s_.tree;
   Constraints& constraints = s_.constraints;
@@ -61,7 +61,7 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   double* rates = F + 2 * nv_;
   s_.forces(t, q_.data(), v_.data(), s_in_.data(), f_.data(), rates, true);
   if (!rows.empty() && s_.driven())
-    constraints.evaluate_g_t(that, gthat_.data()), constraints.evaluate_g_t(t, gt_.data());
+    constraints.evaluate_g_t(t_hat, gthat_.data()), constraints.evaluate_g_t(t, gt_.data());
   if (last) {
     Index2System::LastStage& last_stage = s_.last_stage;
     last_stage.t = t, last_stage.q = q_, last_stage.v = v_, last_stage.s = s_in_, last_stage.f = f_,
@@ -73,7 +73,7 @@ void HalfExplicitStep::stage(double t, double that, double factor, double* F, bo
   s_.manifold.tangent(x_.data(), F);
   if (!rows.empty()) {
     if (last) m.save_poses();
-    satisfy_constraint(that, factor, F);
+    satisfy_constraint(t_hat, factor, F);
     for (int k : rows) {
       double rate = gthat_[k];
       const double* G = Ghat_.data() + constraints.start[k];

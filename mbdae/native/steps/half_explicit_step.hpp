@@ -34,10 +34,10 @@ class HalfExplicitStep {
   virtual void first_stage(const Vector& carry, double* F) const;   // y' at an explicit first stage
   virtual void set_carry(const double* F, Vector& carry) const;     // carry to the next step, from the last stage
   // at x_, with the stage constraint at xhat_
-  virtual void stage(double t, double that, double factor, double* F, bool last);
+  virtual void stage(double t, double t_hat, double factor, double* F, bool last);
   void set_stage_state();  // set q_, v_ and s_in_ at x_
   // Set x' (nv,) of a stage, from J v; evaluate G and Z of the rows in use at its constraint point, and factorize S.
-  virtual void satisfy_constraint(double that, double factor, double* dx);
+  virtual void satisfy_constraint(double t_hat, double factor, double* dx);
   virtual void project(double* e);                  // project an error (ny,) onto the constraints, in the mass metric
   virtual void all_multipliers(double* z);          // (nz,) of the last stage
 

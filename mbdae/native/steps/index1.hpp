@@ -11,7 +11,7 @@ class Index1Step final : public HalfExplicitStep {
   explicit Index1Step(Index2System& system) : HalfExplicitStep(system) {}
 
  protected:
-  void stage(double t, double that, double factor, double* F, bool last) override;
+  void stage(double t, double t_hat, double factor, double* F, bool last) override;
 };
 
 }  // namespace mbdae

@@ -12,7 +12,7 @@ using Complex = std::complex<double>;
 class StageSolver {
  public:
   virtual ~StageSolver() = default;
-  // Replace the residuals r (ny,) and c (r,) by the changes of x' and z.
+  // Replace the residuals r (ny,) and c (one for each multiplier z) by the changes of x' and z.
   virtual void solve(double* r, double* c, Vector& work) const = 0;
 };
 

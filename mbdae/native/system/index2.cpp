@@ -33,7 +33,7 @@ Index2System::Index2System(const void* model, const Tolerances& tolerances, Desc
       f_(nv),
       lam_(ng),
       gt_(ng),
-      gap_(ng),
+      g_(ng),
       rate_(ng) {
   set_laws(std::move(d.laws), d.law_pairs), use_nodes(d);
 }
@@ -166,9 +166,9 @@ void Index2System::accelerate(double t, const double* q, const double* v, const 
     std::fill(gt_.begin(), gt_.end(), 0.0);
     constraints.evaluate_g_t(t, gt_.data());
     if (alpha_ != 0 || beta_ != 0) {
-      gap_ = point.g;
-      constraints.complete_g(t, gap_.data()), residual_rate(t, v, rate_.data());
-      for (int k : rows.in_use()) lam_[k] -= 2 * alpha_ * rate_[k] + beta_ * beta_ * gap_[k];
+      g_ = point.g;
+      constraints.complete_g(t, g_.data()), residual_rate(t, v, rate_.data());
+      for (int k : rows.in_use()) lam_[k] -= 2 * alpha_ * rate_[k] + beta_ * beta_ * g_[k];
     }
   }
   saddle.factorize_symmetric();
@@ -265,10 +265,10 @@ bool Index2System::update_independent_rows(double t, State& s) {
     residual_rate(t, v, rate_.data());
   }
   if (formulation == Formulation::ggl && violates_velocity_constraints(*this, t, v)) throw FallBackToPython();
-  gap_ = point.g;
-  constraints.complete_g(t, gap_.data());
+  g_ = point.g;
+  constraints.complete_g(t, g_.data());
   const Tolerances& tolerances = tree.tolerances;
-  largest_g = std::max(largest_g, largest_scaled(gap_.data(), tolerances.row_scales));
+  largest_g = std::max(largest_g, largest_scaled(g_.data(), tolerances.row_scales));
   largest_rate = std::max(largest_rate, largest_scaled(rate_.data(), tolerances.row_scales));
   largest_speed = std::max(largest_speed, largest_scaled(v, tolerances.coordinate_scales));
   return changed;

@@ -145,7 +145,7 @@ class Index2System {
   // The last stage of a step; its poses are saved if rows are in use.
   struct LastStage {
     double t = NAN;
-    long motion_stamp = -1;     // of the tree
+    long motion_stamp = -1;     // stamp of the tree
     Vector q, v, s, f, rates;  // (nq,), (nv,), (ns,), (nv,), (ns + 1,)
   } last_stage;
 
@@ -155,7 +155,7 @@ class Index2System {
   struct {
     Vector g, gap, next_g, rate, x, trial_q;  // (ng,) four times, (nv,), (nq,)
   } projection;  // scratch of `project_state`
-  double potential(const double* q);  // of gravity and springs in J, at the current poses
+  double potential(const double* q);  // potential energy of gravity and springs in J, at the current poses
 
   void add(const double* y, const double* x, double* out) const;  // y (+) x
   // out = in (+) x with compensated summation; x (ny,) with in.low added.
@@ -179,7 +179,7 @@ class Index2System {
   const Vector probe_;               // (nv,)
   const double alpha_, beta_;         // 1/s
   Vector nonconservative_, f_;        // (nv,)
-  Vector lam_, gt_, gap_, rate_;     // (ng,)
+  Vector lam_, gt_, g_, rate_;     // (ng,)
   Vector all_G_;                     // (ng, nv)
   Vector law_partials_, dtau_dq_, dtau_dv_;  // (2 nv + ns, 2 nv + ns), (nv, nv) twice
 };

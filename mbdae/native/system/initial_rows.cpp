@@ -46,7 +46,7 @@ bool IndependentRows::has_tie() const {
   const double tie = 1 - std::sqrt(tolerances_.eps);
   const auto entry = [&](int i, int j) { return factors_[static_cast<size_t>(j) * nv_ + i]; };
   for (int j = rank; j < static_cast<int>(position_.size()); ++j) {
-    double square = 0;  // of row j outside the pivots before i
+    double square = 0;  // squared norm of row j outside the pivots before i
     for (int i = rank; i-- > 0;)
       if (square += entry(i, j) * entry(i, j), square > tie * entry(i, i) * entry(i, i)) return true;
   }

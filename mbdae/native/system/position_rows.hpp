@@ -9,8 +9,8 @@ class PositionRows {
  public:
   explicit PositionRows(Index2System& system);
 
-  void select(const double* y);  // at the start of a step from y
-  // all rows are holonomic: mu has the rows and the S of lam
+  void select(const double* y);  // select the rows at the start of a step from y
+  // all rows are holonomic: mu has the rows and the Schur complement S of lam
   const bool same_as_velocity_rows;
   const IndependentRows& rows() const { return same_as_velocity_rows ? s_.rows : position_rows_; }
   SaddleSystem& saddle() { return same_as_velocity_rows ? s_.saddle : position_saddle_; }

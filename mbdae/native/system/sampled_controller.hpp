@@ -22,7 +22,7 @@ struct SampledController {
   double rate = 1, offset = 0;  // Hz; a sampling instant in s
   double coincide = 0;          // relative to a period: a time this close to an instant is the instant
   int state = 0, states = 0;    // first index in s, and number, of its states: torques and memory
-  TimeFunction reference;             // of a PID controller; a: kp, ki, kd
+  TimeFunction reference;             // reference of a PID controller; a: kp, ki, kd
   Vector a;
   int x = 0, v = 0;  // indices in y of the controlled coordinate and of its velocity
   // Python: (t, q, v, s of all laws) -> states of the controller after t.

@@ -1,1 +1,1 @@
-"""Atlas of integrators: all methods on many models."""
+"""Benchmark of all methods on many models, the command ``atlas``."""

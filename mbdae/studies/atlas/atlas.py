@@ -1,4 +1,4 @@
-"""Atlas of integrators: all methods on many models, with errors, work, drift and energy."""
+"""Benchmark of all methods on many models, an *atlas* of integrators: errors, work, drift and energy."""
 
 import warnings
 from collections.abc import Callable, Iterable, Sequence
@@ -16,10 +16,10 @@ from ...solution.provenance import command_line, versions
 from ..comparison.selection import ALL, checked_steps, checked_tolerances
 from ..method_variant import variants
 from ..workers import Stop, pool
-from .data_file import AtlasData
+from .data_file import BenchmarkData
 from .method_runs import MethodRuns, MethodTask
 from .model_motion import ModelMotion, MotionTask, Settings
-from .result import Atlas
+from .result import Benchmark
 
 __all__ = ["atlas"]
 
@@ -41,8 +41,8 @@ def atlas(
     fresh: bool = False,
     backend: str = "auto",
     progress: Progress | None = None,
-) -> Atlas:
-    """Run all methods on many models, from their starts over their durations, and measure errors, work and drift.
+) -> Benchmark:
+    """Benchmark all methods on many models, from their starts over their durations: errors, work, drift and energy.
 
     Errors are those of `mbdae.compare`, at 20 common times, relative to a reference run with tight tolerance. Methods
     run with tolerances, or with fixed steps if they have no step-size control. Conservative models also run over ten
@@ -90,7 +90,7 @@ def atlas(
     }  # fmt: skip
     if data is not None and not isinstance(data, str | Path):
         raise InputError(f"data is the name of a file, got {data!r:.60}")
-    tasks = _AtlasTasks(AtlasData(Path(data) if data else None, about, fresh), names, settings, progress)
+    tasks = _BenchmarkTasks(BenchmarkData(Path(data) if data else None, about, fresh), names, settings, progress)
     with suppress(KeyboardInterrupt), pool(executor, workers, compute, settings, "executor='threads'") as workers_pool:
         workers_pool.run(tasks.motion_tasks(), tasks.add)
         workers_pool.run(tasks.pending_tasks(), tasks.add)
@@ -104,10 +104,10 @@ def compute(settings: Settings, task: Any, stop: Stop | None = None) -> Any:
         return task.run(settings, stop)
 
 
-class _AtlasTasks:
-    """Tasks of an atlas and their results."""
+class _BenchmarkTasks:
+    """Tasks of a benchmark and their results."""
 
-    def __init__(self, data: AtlasData, names: list[str], settings: Settings, progress: Progress | None) -> None:
+    def __init__(self, data: BenchmarkData, names: list[str], settings: Settings, progress: Progress | None) -> None:
         self.data, self.names, self.settings = data, names, settings
         self.progress: Progress = progress or (lambda done, text: None)
         self.seen: set[str] = set()  # models whose motion is known to be current
@@ -137,9 +137,9 @@ class _AtlasTasks:
             done = sum(pair in self.data.runs for pair in pairs)
             self.progress(REFERENCES_DONE + (1 - REFERENCES_DONE) * done / len(pairs), str(task))
 
-    def result(self, meta: dict[str, Any]) -> Atlas:
+    def result(self, meta: dict[str, Any]) -> Benchmark:
         """Return the finished results."""
         motions = tuple(self.data.motions[name] for name in self.names if name in self.data.motions)
         runs = tuple(self.data.runs[key] for key in self.model_methods() if key in self.data.runs)
         complete = len(self.seen) == len(self.names) and len(runs) == len(self.model_methods())
-        return Atlas(motions, runs, complete, len(self.names), len(self.model_methods()), meta)
+        return Benchmark(motions, runs, complete, len(self.names), len(self.model_methods()), meta)

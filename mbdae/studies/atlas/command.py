@@ -22,7 +22,7 @@ MODELS = click.argument("models", nargs=-1, metavar="[MODEL]...", shell_complete
     types={"executor": click.Choice(["threads", "processes"])},
 )
 def atlas(study: Study, out: Output, models: tuple[str, ...], data: str | None, **options: Any) -> None:
-    """Compare all methods on many models, on one page. All models that come with mbdae when none is named.
+    """Benchmark all methods on many models, on one page. All models that come with mbdae when none is named.
 
     The page works offline; models, families and errors are chosen in it, and each run has the command that repeats it.
     Ctrl-C writes the finished results; with --data they are stored, and the same command resumes from them.

@@ -1,8 +1,8 @@
-"""The data file of an atlas: a JSON document on each line, appended as results are finished.
+"""The data file of a benchmark: a JSON document on each line, appended as results are finished.
 
 The first line describes what all results have in common; then a line for each motion of a model, and for each method on
-a model. After a crash all finished lines are readable; an incomplete last line is removed. The same atlas resumes from
-the file, and a larger one computes only what is missing.
+a model. After a crash all finished lines are readable; an incomplete last line is removed. The same benchmark resumes
+from the file, and a larger one computes only the missing results.
 """
 
 import json
@@ -19,8 +19,8 @@ ABOUT = "atlas"  # key of the first line
 SUFFIX = ".jsonl"
 
 
-class AtlasData:
-    """Results of an atlas, in memory and in a file.
+class BenchmarkData:
+    """Results of a benchmark, in memory and in a file.
 
     Args:
         path: path of the file; None to store no file.
@@ -32,7 +32,7 @@ class AtlasData:
         runs: runs, by model and method.
 
     Raises:
-        InputError: for the file of another atlas, another file, or an unwritable one.
+        InputError: for the file of another benchmark, another file, or an unwritable one.
     """
 
     def __init__(self, path: Path | None, about: Mapping[str, Any], fresh: bool) -> None:
@@ -76,7 +76,7 @@ class AtlasData:
             content = path.read_bytes()
             complete = content[: content.rfind(b"\n") + 1]
             first, *rows = [json.loads(line) for line in complete.splitlines()] or [{ABOUT: self.about}]
-            self._require_same_atlas(path, first[ABOUT])
+            self._require_same_benchmark(path, first[ABOUT])
             for row in rows:
                 if "points" in row:
                     runs = MethodRuns.read(row)
@@ -90,7 +90,7 @@ class AtlasData:
         except (ValueError, KeyError, TypeError, AttributeError) as e:
             raise InputError(f"{path} is damaged or not the data of an atlas ({type(e).__name__}: {e})") from None
 
-    def _require_same_atlas(self, path: Path, stored: Mapping[str, Any]) -> None:
+    def _require_same_benchmark(self, path: Path, stored: Mapping[str, Any]) -> None:
         """Refuse to mix results of two back ends, machines, versions or settings."""
         for name, value in self.about.items():
             if stored[name] != value:

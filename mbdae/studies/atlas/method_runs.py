@@ -16,10 +16,10 @@ from ..method_variant import Variant
 from ..workers import Stop
 from .model_motion import ModelMotion, Settings, common_motion, mechanism
 
-REPEATS = 3  # number of timed repetitions of each run
-LONG = 0.1  # s: longer runs are timed once
-LARGEST_REFINED = 20_000  # linear solves of a run, above which no finer one follows
-LONG_SPAN, LONG_REFINEMENT = 10, 2  # duration and step refinement of a long run, relative to the coarsest run
+TIMED_RUNS = 3  # number of executions of each run, to measure its CPU time
+MAX_REPEATED_TIME = 0.1  # s: longer runs are timed once
+MAX_SOLVES = 20_000  # linear solves of a run, above which no finer one follows
+LONG_SPAN, LONG_REFINEMENT = 10, 2  # factors of a long run: duration, and refinement of the coarsest steps
 SIGMAS = 3  # a trend within this number of standard errors is not significant
 RAISED = "error"  # status of a run that raised an error
 
@@ -56,7 +56,7 @@ class LongRun:
 
     @property
     def largest_rate(self) -> float | None:
-        """Upper bound of the relative energy rate in 1/s: the trend plus three standard errors, over the scale."""
+        """Upper bound of the relative energy rate in 1/s: |trend| plus three standard errors, over the scale."""
         if self.trend is None or self.trend_error is None or not self.scale:
             return None
         return (abs(self.trend) + SIGMAS * self.trend_error) / self.scale
@@ -123,11 +123,11 @@ class MethodTask:
         for trial in [Trial(variant, r) for r in settings.rtol] if variant.controlled else fixed:
             points[trial] = p = self._measure(motion, trial, stop)
             known = not p.success or p.errors["q"] >= KNOWN_ERROR_RATIO * self.motion.uncertainty["q"]
-            if not known or p.solves > LARGEST_REFINED:
+            if not known or p.solves > MAX_SOLVES:
                 break
-        for _ in range(REPEATS - 1):
+        for _ in range(TIMED_RUNS - 1):
             for trial, p in points.items():
-                if p.success and p.times[0] < LONG:
+                if p.success and p.times[0] < MAX_REPEATED_TIME:
                     points[trial] = replace(p, times=(*p.times, _timed(motion, trial, stop)[1]))
         long = self._long(motion, variant, stop) if self.motion.conservative else None
         return MethodRuns(self.motion.model, self.method, tuple(points.values()), long)

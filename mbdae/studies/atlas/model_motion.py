@@ -1,4 +1,4 @@
-"""The motion of a model in an atlas: its reference, its number of fixed steps, and the methods that suit it."""
+"""The motion of a model in a benchmark: its reference, its number of fixed steps, and the methods that suit it."""
 
 import atexit
 import hashlib
@@ -33,7 +33,7 @@ LOADED = 4  # number of mechanisms in the cache of a worker
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings of all runs of an atlas.
+    """Settings of all runs of a benchmark.
 
     Attributes:
         methods: names of variants; empty for all.
@@ -103,7 +103,7 @@ class MotionTask:
 
     Attributes:
         model: name or path.
-        known: its motion in the data of the atlas, if any.
+        known: its motion in the data of the benchmark, if any.
     """
 
     model: str

@@ -1,4 +1,4 @@
-"""The page of an atlas: one HTML file with all data, which is filtered and sorted in the browser, also offline."""
+"""The page of a benchmark: one HTML file with all data, which is filtered and sorted in the browser, also offline."""
 
 import json
 import shlex
@@ -15,7 +15,7 @@ from ..comparison.run_result import RunResult
 from ..figures import line_style
 from ..method_variant import Variant
 from ..report.templates import rendered
-from .result import WORK_MEASURES, Atlas, rounded
+from .result import WORK_MEASURES, Benchmark, rounded
 
 if TYPE_CHECKING:
     from .method_runs import LongRun, MethodRuns
@@ -30,18 +30,18 @@ SECTIONS = {
 COUNTS = ("steps", "rejected", "solves", "f", "factorizations")
 
 
-def page(atlas: Atlas) -> str:
+def page(benchmark: Benchmark) -> str:
     """Return the page as text."""
     package = str(__package__)
     folder = files(package)
     style, script = (Markup(folder.joinpath(f"atlas.{kind}").read_text("utf-8")) for kind in ("css", "js"))
-    text = json.dumps(finite(_data(atlas)), separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
-    meta = atlas.meta
+    text = json.dumps(finite(_data(benchmark)), separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
+    meta = benchmark.meta
     return rendered(
         package, "atlas.htm",
-        counts=atlas.counts, complete=atlas.complete, meta=meta, noise=f"{atlas.noise:.2f}", sections=SECTIONS,
-        command=meta["command"], versions=_listed(meta["versions"].items()),
-        families=sorted({Variant.parse(r.method).family for r in atlas.runs}),
+        counts=benchmark.counts, complete=benchmark.complete, meta=meta, noise=f"{benchmark.noise:.2f}",
+        sections=SECTIONS, command=meta["command"], versions=_listed(meta["versions"].items()),
+        families=sorted({Variant.parse(r.method).family for r in benchmark.runs}),
         style=style, script=script, data=Markup(text),
     )  # fmt: skip
 
@@ -50,13 +50,13 @@ def _listed(pairs: Iterable[tuple[str, str]]) -> str:
     return ", ".join(f"{name} {value}" for name, value in pairs)
 
 
-def _data(atlas: Atlas) -> dict[str, Any]:
+def _data(benchmark: Benchmark) -> dict[str, Any]:
     """Return the data of the page; models and methods are numbered in their order."""
-    methods = list(dict.fromkeys(r.method for r in atlas.runs))
-    models = [m for m in atlas.motions if m.model in atlas.comparisons]
+    methods = list(dict.fromkeys(r.method for r in benchmark.runs))
+    models = [m for m in benchmark.motions if m.model in benchmark.comparisons]
     return {
-        "backend": atlas.meta["backend"],
-        "noise": atlas.noise,
+        "backend": benchmark.meta["backend"],
+        "noise": benchmark.noise,
         "quantities": QUANTITIES,
         "methods": [
             {"name": m, "argument": shlex.quote(m), "family": Variant.parse(m).family, "colour": line_style(m)["color"]}
@@ -65,29 +65,29 @@ def _data(atlas: Atlas) -> dict[str, Any]:
         "models": [
             {
                 "name": m.model, "argument": shlex.quote(m.model), "title": m.title, "duration": m.duration,
-                "reference": m.reference, "cross_check": m.cross_check, "floors": _floors(atlas, m.model),
-                "ranks": {name: _ranks(atlas, m.model, name, methods) for name in QUANTITIES},
+                "reference": m.reference, "cross_check": m.cross_check, "floors": _floors(benchmark, m.model),
+                "ranks": {name: _ranks(benchmark, m.model, name, methods) for name in QUANTITIES},
             }
             for m in models
         ],
-        "runs": _runs(atlas.runs, [m.model for m in models], methods),
-        "long": [_long(r, r.long) for r in atlas.runs if r.long],
-        "failed": atlas.failures,
+        "runs": _runs(benchmark.runs, [m.model for m in models], methods),
+        "long": [_long(r, r.long) for r in benchmark.runs if r.long],
+        "failed": benchmark.failures,
     }  # fmt: skip
 
 
-def _floors(atlas: Atlas, model: str) -> dict[str, float | None]:
+def _floors(benchmark: Benchmark, model: str) -> dict[str, float | None]:
     """Return the smallest known errors, by quantity."""
-    return {name: rounded(atlas.comparisons[model].floor(name)) for name in QUANTITIES}
+    return {name: rounded(benchmark.comparisons[model].floor(name)) for name in QUANTITIES}
 
 
-def _ranks(atlas: Atlas, model: str, quantity: str, methods: list[str]) -> list[list[Any]]:
+def _ranks(benchmark: Benchmark, model: str, quantity: str, methods: list[str]) -> list[list[Any]]:
     """Return the error, and for each kind of work [index of the method, work, 1 if an upper bound], the best first."""
 
     def entries(ranking: list[RankingEntry]) -> list[list[Any]]:
         return [[methods.index(x.method), rounded(x.work), int(x.bound)] for x in ranking if x.work]
 
-    ranks = atlas.rankings(model, quantity)
+    ranks = benchmark.rankings(model, quantity)
     return [[target, *(entries(r[measure]) for measure in WORK_MEASURES)] for target, r in ranks.items()]
 
 

@@ -62,13 +62,13 @@ DIGITS = 4  # digits of numbers on the page and in the file; three cannot resolv
 
 
 @dataclass(frozen=True)
-class Atlas(Tabular):
+class Benchmark(Tabular):
     """Result of `mbdae.atlas`.
 
     Attributes:
         motions: motions of the models.
         runs: the runs of each method on each model.
-        complete: False if the atlas was stopped before its end.
+        complete: False if the benchmark was stopped before its end.
         models: number of requested models.
         requested: number of requested pairs of a method and a model.
         meta: back end, machine, versions, tolerances, command, date.
@@ -177,7 +177,7 @@ class Atlas(Tabular):
     def to_dict(self) -> JsonObject:
         """Return JSON data: for each model the work for errors of q, the energy drift, and failures.
 
-        Amounts of work are in the order of the methods, negative for upper bounds. `AtlasData` stores all runs.
+        Amounts of work are in the order of the methods, negative for upper bounds. `BenchmarkData` stores all runs.
         """
         models = {m.model: self._model_data(m) for m in self.motions}
         return {"meta": self.meta, "complete": self.complete, "noise": round(self.noise, 3), "models": models}

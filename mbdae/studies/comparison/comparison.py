@@ -157,9 +157,9 @@ class Comparison(Tabular):
         name = self.quantity(quantity)
         out = []
         for target in self.targets(name):
-            parts = [sentence(self.ranking(target, work=work, quantity=name), work) for work in SHOWN]
+            phrases = [sentence(self.ranking(target, work=work, quantity=name), work) for work in SHOWN]
             head = f"error in {name} of {quantity_text(target, self.unit(name), '.0e')}".replace(", ", " or ")
-            out.append(f"{head}: " + "; ".join(p for p in parts if p))
+            out.append(f"{head}: " + "; ".join(p for p in phrases if p))
         return out
 
     def __str__(self) -> str:

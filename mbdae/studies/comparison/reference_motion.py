@@ -188,6 +188,6 @@ def _integrated_from_node(system: Any, sol: Solution, i: int, t: float) -> Array
     options = {"rtol": SOLUTION_ROUNDING, "atol": atol}
     if isinstance(system, Index1System):
         continued = solve_ivp(lambda s, y: system.rate(s, y)[0], (ts[i], t), ys[i], "DOP853", **options)
-        return system.normal(continued.y[:, -1])
+        return system.normalized(continued.y[:, -1])
     system.derivative(ts[i], ys[i], zs[i])  # select the root z of the run
     return solve_ivp(lambda s, y: system.derivative(s, y)[0], (ts[i], t), ys[i], "DOP853", **options).y[:, -1]

@@ -68,7 +68,7 @@ def _draw(found: "list[Drift]", path: str) -> None:
 
 
 def _solutions(
-    targets: tuple[str, ...], started: tuple[str, ...], chosen: tuple[str, ...], **options: Any
+    targets: tuple[str, ...], start_values: tuple[str, ...], settings: tuple[str, ...], **options: Any
 ) -> list["Solution"]:
     """Return saved runs, and runs of models by each method.
 
@@ -77,7 +77,7 @@ def _solutions(
     """
     from ...solution.solution import Solution
 
-    given = started or chosen or any(value is not None for value in options.values())
+    given = start_values or settings or any(value is not None for value in options.values())
     if given and all(target.endswith(".npz") for target in targets):
         raise InputError("a saved run has its method, time and tolerances: options of a run need a model")
     runs = _runs(options.pop("methods"), options.pop("formulation"), options.pop("project"))
@@ -86,7 +86,7 @@ def _solutions(
         if target.endswith(".npz"):
             sols.append(Solution.load(target))
         else:
-            problem = chosen_model(target, started, chosen).problem()
+            problem = chosen_model(target, start_values, settings).problem()
             sols += [simulate(problem, **run, **options) for run in runs]
     return sols
 

@@ -104,7 +104,7 @@ def _owner(system: CompiledSystem, path: tuple[str, ...]) -> str:
         return f"{' '.join(path[1:-1])} is a function of Python"
     if isinstance(law, Linear):  # of several forces
         signal = law.u[int(path[4])][0]
-        law = next(x for x in bound if any(u is signal for u in x.signals))
+        law = next(x for x in bound if any(u is signal for u in x.time_functions))
     return f"force {law.name!r} is {'an FMU' if law.external else 'a function of Python'}"
 
 
@@ -203,7 +203,6 @@ def _attributes(struct: Any, core: str) -> Any:
         return struct
     found = {name: getattr(struct, name) for name in dir(struct) if not name.startswith("_")}
     return {name: _attributes(x, core) for name, x in found.items() if not callable(x) and name not in DERIVED}
-
 
 
 def output_data(mech: Mechanism, name: str, signal: SignalValue) -> CoreData:

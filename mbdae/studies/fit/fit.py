@@ -24,7 +24,7 @@ from ...solution.signals import units
 from ...system import Array
 from ...tolerances import COARSE, INPUT_DIGITS, SEARCH_TOLERANCE, VISIBLE
 from ..factories import MechanismFactory, Model, factory_of
-from ..sensitivity.run_parameters import named_values, progress_reporter, reals, scaled
+from ..sensitivity.run_parameters import checked_scales, named_values, progress_reporter, reals
 from ..sweep.sweep_run import check_settings
 from .data import read_recordings
 from .fit_residuals import FitResiduals
@@ -103,7 +103,7 @@ def fit(
     unknown = {name: _unknown(factory, name, given) for name, given in parameters.items()}
     problem = FitResiduals(factory, list(unknown), recordings, tables, sigma, t_span, settings)
     low, high = (np.array([getattr(u, key) for u in unknown.values()]) for key in ("low", "high"))
-    scale = scaled(scales, {name: (u.high - u.low) / 10 for name, u in unknown.items()})
+    scale = checked_scales(scales, {name: (u.high - u.low) / 10 for name, u in unknown.items()})
     first = np.clip([u.start for u in unknown.values()], low, high)
     _check_starts(starts, seed)
     search = _Search(problem, low, high, scale, spans, report_progress)

@@ -20,7 +20,7 @@ from ...errors import InputError
 @set_option
 @SHARED["units"]
 @SHARED["json"]
-def info(model: str | None, started: tuple[str, ...], chosen: tuple[str, ...], as_json: bool) -> None:
+def info(model: str | None, start_values: tuple[str, ...], settings: tuple[str, ...], as_json: bool) -> None:
     """Show versions and the back end, or a model's card.
 
     The card has sizes, joints, closures, degrees of freedom, start, and what is not modelled; for a textbook problem
@@ -28,7 +28,7 @@ def info(model: str | None, started: tuple[str, ...], chosen: tuple[str, ...], a
     """
     from .info import info as study
 
-    found = study(chosen_model(model, started, chosen).problem() if model else None)
+    found = study(chosen_model(model, start_values, settings).problem() if model else None)
     core = backend.status()
     emit({**found.to_dict(), "backend": core}, f"{found}\nback end: {core}" if model else str(found), as_json)
 
@@ -57,5 +57,5 @@ def _row(
             robots_directory()
     except InputError as e:
         return {"name": name, "title": str(e)} | dict.fromkeys((*sizes, "parameters"))
-    words = "; ".join(f"{name}: {takes}" for name, takes in parameters.items()) if complete else ", ".join(parameters)
+    words = "; ".join(f"{name}: {values}" for name, values in parameters.items()) if complete else ", ".join(parameters)
     return {"name": name, "title": title, **sizes, "parameters": words or None}

@@ -8,7 +8,7 @@ from scipy.interpolate import PchipInterpolator
 from ...system import Array
 from ...tolerances import INTERPOLATION
 
-HALF = 3  # samples on each side of the largest sample: the polynomial has degree 6
+HALF_WIDTH = 3  # samples on each side of the largest sample: the polynomial has degree 6
 
 
 def located_peak(values: Array, t: Array, over: Array, intervals: Sequence[Array]) -> tuple[float, float]:
@@ -25,9 +25,9 @@ def located_peak(values: Array, t: Array, over: Array, intervals: Sequence[Array
     """
     i = int(np.abs(values).argmax())
     sample = float(abs(values[i])), float(over[i])
-    if not any(k[0] <= i - HALF and i + HALF <= k[-1] for k in intervals):
+    if not any(k[0] <= i - HALF_WIDTH and i + HALF_WIDTH <= k[-1] for k in intervals):
         return sample
-    fits = [_polynomial(values, t, i, half) for half in (HALF, HALF - 1)]
+    fits = [_polynomial(values, t, i, half_width) for half_width in (HALF_WIDTH, HALF_WIDTH - 1)]
     h = np.diff(t[i - 1 : i + 2])
     low, high = -h[0] / h.mean(), h[1] / h.mean()
     roots = fits[0].deriv().roots()
@@ -38,12 +38,12 @@ def located_peak(values: Array, t: Array, over: Array, intervals: Sequence[Array
     value, check = (abs(float(p(x))) for p in fits)
     if not (abs(value - check) <= INTERPOLATION * value and value >= sample[0]):
         return sample
-    return value, float(_polynomial(over, t, i, HALF)(x))
+    return value, float(_polynomial(over, t, i, HALF_WIDTH)(x))
 
 
-def _polynomial(values: Array, t: Array, i: int, half: int) -> np.polynomial.Polynomial:
-    """Return the polynomial through 2 half + 1 samples around sample i, in the time since sample i in mean steps."""
-    window = slice(i - half, i + half + 1)
+def _polynomial(values: Array, t: Array, i: int, half_width: int) -> np.polynomial.Polynomial:
+    """Return the polynomial through 2 half_width + 1 samples around sample i; its variable is t - t_i in mean steps."""
+    window = slice(i - half_width, i + half_width + 1)
     x = (t[window] - t[i]) / np.diff(t[i - 1 : i + 2]).mean()
     return np.polynomial.Polynomial(np.linalg.solve(np.vander(x, increasing=True), values[window]))
 

@@ -85,8 +85,8 @@ def _from_curve(mech: Mechanism, found: Kinematics, speed: float | None) -> Pres
     last = found.segments[0].last
     unknown = ~np.isfinite(found.curvature[:last]).all(axis=1)
     if unknown.any():
-        at = f"{found.drive} = {found.u[:last][unknown][0]:.9g}"
-        raise InputError(f"efforts are not determined at the branch point {at}: give a span that does not reach it")
+        where = f"{found.drive} = {found.u[:last][unknown][0]:.9g}"
+        raise InputError(f"efforts are not determined at the branch point {where}: give a span that does not reach it")
     run = found.run(speed=speed)
     rates = np.array([run.rates[i] for i in range(len(run.t))])
     over = found.u[:last] if run.q[0] is found.q[0] or (run.q[0] == found.q[0]).all() else found.u[:last][::-1]
@@ -216,21 +216,21 @@ def _consistent_motion(mech: Mechanism, joints: list["pin.JointModel"], targets:
     """Return q, v and v' that satisfy the closures, and fit joint values u, u', u'' (3, n, k) by least squares."""
     free = Mechanism(mech.model, mech.closures, start=mech.start_values)
     system, n = free.system(), targets.shape[1]
-    at = [j.idx_v for j in joints]
+    iv = [j.idx_v for j in joints]
     out = np.empty((n, mech.nq)), np.empty((n, mech.nv)), np.empty((n, mech.nv))
     q = close_position(system, start_configuration(mech), np.array([], int), 0.0)
     for i in range(n):
         found = _at_targets(system, q, joints, targets[0, i])
         q, G = found.q, found.G
         if i == 0:
-            _check_dof(free, G, at)
+            _check_dof(free, G, iv)
         if not (found.distance < COARSE and np.abs(found.g / free.row_scales).max(initial=0.0) < COARSE):
             raise InputError(f"the joints cannot follow the table at point {i + 1} with closed loops: they miss it by "
                              f"{found.distance:.3g} rad or characteristic lengths")  # fmt: skip
-        v = _solve(G, np.zeros(len(G)), at, targets[1, i])
+        v = _solve(G, np.zeros(len(G)), iv, targets[1, i])
         gamma = system.gamma(q, v, 0.0)
         G = system.jacobian(q)
-        out[0][i], out[1][i], out[2][i] = q, v, _solve(G, -gamma, at, targets[2, i])
+        out[0][i], out[1][i], out[2][i] = q, v, _solve(G, -gamma, iv, targets[2, i])
     return out
 
 
@@ -245,18 +245,18 @@ class _TargetPose(NamedTuple):
 
 def _at_targets(system: "Index2System", q: Array, joints: list["pin.JointModel"], target: Array) -> _TargetPose:
     """Return the configuration with g = 0 and joints closest to their targets (k,), by Gauss-Newton steps from q."""
-    at, continuous = [j.idx_v for j in joints], np.array([j.nq == 2 for j in joints])
+    iv, continuous = [j.idx_v for j in joints], np.array([j.nq == 2 for j in joints])
     scales = system.mechanism.coordinate_scales
     for _ in range(ITERATIONS):
         g, G = system.closures(q, 0.0)
         error = target - np.array([_coordinate(q, j) for j in joints])
         error = np.where(continuous, (error + np.pi) % (2 * np.pi) - np.pi, error)
-        x = _solve(G, -g, at, error)
+        x = _solve(G, -g, iv, error)
         size = float(np.abs(x / scales).max())
         q = system.manifold.integrate(q, x / max(1.0, 2.0 * size))
         if size < SEARCH_TOLERANCE:
             break
-    return _TargetPose(q, g, G, float(np.abs(error / scales[at]).max()))
+    return _TargetPose(q, g, G, float(np.abs(error / scales[iv]).max()))
 
 
 def _coordinate(q: Array, joint: "pin.JointModel") -> float:
@@ -265,34 +265,34 @@ def _coordinate(q: Array, joint: "pin.JointModel") -> float:
     return float(q[k] if joint.nq == 1 else np.arctan2(q[k + 1], q[k]))
 
 
-def _check_dof(free: Mechanism, G: Array, at: list[int]) -> None:
+def _check_dof(free: Mechanism, G: Array, iv: list[int]) -> None:
     """Require that these velocity components determine the motion.
 
     Raises:
         InputError: for nonholonomic rows, or undetermined degrees of freedom.
     """
-    names = ", ".join(free.coordinate_joint(k) for k in at)
-    if not free.positional.all() and _remaining_dof(G[free.positional], at):
+    names = ", ".join(free.coordinate_joint(k) for k in iv)
+    if not free.positional.all() and _remaining_dof(G[free.positional], iv):
         nonholonomic = free.row_names[int(np.argmin(free.positional))]
         raise InputError(f"{nonholonomic!r} has nonholonomic rows: its position depends on the path, not on {names} "
                          "alone: give a run, or (t, q, v, a)")  # fmt: skip
-    if left := _remaining_dof(G, at):
-        raise InputError(f"{left} degrees of freedom are undetermined when {names} follow the table: name more joints")
+    if dof := _remaining_dof(G, iv):
+        raise InputError(f"{dof} degrees of freedom are undetermined when {names} follow the table: name more joints")
 
 
-def _solve(G: Array, rhs: Array, at: list[int], target: Array) -> Array:
-    """Return x with G x = rhs and x[at] closest to a target (k,)."""
+def _solve(G: Array, rhs: Array, iv: list[int], target: Array) -> Array:
+    """Return x with G x = rhs and x[iv] closest to a target (k,)."""
     if not len(G):
         Z, x = np.eye(G.shape[1]), np.zeros(G.shape[1])
     else:
         left, sigmas, right = np.linalg.svd(G)
         r = int(np.count_nonzero(sigmas > RANK * sigmas[0]))
         x, Z = (left[:, :r].T @ rhs / sigmas[:r]) @ right[:r], right[r:].T
-    return x + Z @ np.linalg.lstsq(Z[at], target - x[at], rcond=RANK)[0]
+    return x + Z @ np.linalg.lstsq(Z[iv], target - x[iv], rcond=RANK)[0]
 
 
-def _remaining_dof(G: Array, at: list[int]) -> int:
+def _remaining_dof(G: Array, iv: list[int]) -> int:
     """Return the degrees of freedom that remain if some coordinates are prescribed."""
-    rows = np.vstack([G, np.eye(G.shape[1])[at]])
+    rows = np.vstack([G, np.eye(G.shape[1])[iv]])
     sigmas = np.linalg.svd(rows, compute_uv=False)
     return G.shape[1] - int(np.count_nonzero(sigmas > RANK * sigmas[0]))

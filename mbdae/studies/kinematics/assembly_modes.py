@@ -31,7 +31,7 @@ class AssemblyMode:
     """An assembly mode.
 
     Attributes:
-        label: number of the circuit and a letter, ``"1a"``; that is the model's start if it is a mode.
+        label: number of the circuit and a letter; ``"1a"`` is the model's start, if it is a mode.
         circuit: number of its circuit: a mechanism can move between modes of one circuit.
         q: configuration, (nq,).
         rising: whether the input increases along the circuit at this mode, in the direction of its first mode.
@@ -172,8 +172,8 @@ def _coordinates_text(mech: Mechanism, q: Array) -> str:
         values = [rounded_zero(x, scale) for x, scale in zip(q[at], mech.q_scales[at], strict=True)]
         if (joint.nq, joint.nv) == (2, 1):
             values = [np.arctan2(values[1], values[0])]
-        parts = COORDINATE_NAMES.get(mech.joint_kind(name), (("",),))[0] if len(values) > 1 else ("",)
-        names = [f"{name}.{p}" if p else name for p in parts]
+        components = COORDINATE_NAMES.get(mech.joint_kind(name), (("",),))[0] if len(values) > 1 else ("",)
+        names = [f"{name}.{c}" if c else name for c in components]
         known = [units.get(f"q.{n}", "") for n in names]
         out += [f"{n} {quantity(x, u, '.4g')}" for n, u, x in zip(names, known, values, strict=False)]
     return ", ".join(out)

@@ -1,4 +1,4 @@
-"""Figure of poses, rates and the transmission angle over the input."""
+"""Figure of poses, rates and the transmission angle against the input."""
 
 from typing import TYPE_CHECKING
 
@@ -21,7 +21,7 @@ PREFIXES = ("q.", "v.", "a.")
 
 @fixed_layout
 def curves(found: "Kinematics") -> "Figure":
-    """Draw coordinates, velocities and accelerations per unit of the drive, and the transmission angle over the input.
+    """Draw coordinates, velocities and accelerations per unit of the drive, and transmission angles, against the input.
 
     Curves are cut at dead points, where rates are unbounded; dotted lines mark dead points, dashed ones branch points.
     """
@@ -52,7 +52,7 @@ def curves(found: "Kinematics") -> "Figure":
 
 
 def _label(ax: "Axes", prefix: str, kind: str, unit: str) -> None:
-    """Label coordinates, rates or accelerations of a kind, over an input with a unit."""
+    """Label coordinates, rates or accelerations of a kind, against an input with a unit."""
     of_kind, of_input = (unit_name(x) for x in (kind, unit))
     words, value_unit = {
         "q.": (QUANTITY_NAMES[kind], of_kind),

@@ -44,7 +44,7 @@ def kinematics(
 
         g(q) = 0,   q_drive = u;      G dq/du = 0,   G d2q/du2 = -gamma(q, dq/du)
 
-    The curve is traced by continuation in its arclength, through dead points of the input, where it reverses,
+    The curve is traced by continuation in its arclength, through dead points of the input joint, where it reverses,
     and smoothly through branch points. It ends where the input leaves its range, or where the curve closes. Stops,
     ropes, contacts, clutches and friction do not act; poses that violate unilateral constraints are reported.
     Source: Allgower, Georg, Introduction to Numerical Continuation Methods (2003).
@@ -113,8 +113,8 @@ def _start_on_curve(driven: Mechanism, q: Array, span: tuple[float, float] | Non
         try:
             q = close_position(system, q, no_joints, float(u))
         except (AssemblyError, InputError) as e:
-            at, reached = (quantity(x, driven.row_units[-1], form) for x, form in ((first, ".6g"), (u, ".4g")))
-            text = f"the input cannot start at {at}: it only reaches about {reached}; {e}"
+            wanted, reached = (quantity(x, driven.row_units[-1], form) for x, form in ((first, ".6g"), (u, ".4g")))
+            text = f"the input cannot start at {wanted}: it only reaches about {reached}; {e}"
             known = (e.closure, e.violation) if isinstance(e, AssemblyError) else ("", np.nan)
             raise AssemblyError(text, *known) from None
     return q, first
@@ -135,14 +135,14 @@ def _range(driven: Mechanism, u: float, span: tuple[float, float] | None, turns:
 
 
 def _unfinished(curve: PoseCurve, drive: str, mech: Mechanism) -> str:
-    at = curve.nodes[-1].u
+    u = curve.nodes[-1].u
     if curve.ended == "failed":
-        return f"the curve over {drive!r} cannot be continued beyond {at:.9g}: a branch point or a corner"
+        return f"the curve over {drive!r} cannot be continued beyond {u:.9g}: a branch point or a corner"
     displacement = curve.displacement()
     if displacement.max() > MAX_DISPLACEMENT:
         joint = mech.coordinate_joint(int(displacement.argmax()))
-        return f"{joint!r} slides without bound as {drive!r} approaches {at:.4g}: give a span that ends before"
-    return f"the curve over {drive!r} does not end within {len(curve.nodes)} steps, at {at:.6g}: give a span"
+        return f"{joint!r} slides without bound as {drive!r} approaches {u:.4g}: give a span that ends before"
+    return f"the curve over {drive!r} does not end within {len(curve.nodes)} steps, at {u:.6g}: give a span"
 
 
 def _sampled(found: list[TracedCurve], n: int) -> tuple[list[CurvePoint], list[CurveSegment]]:

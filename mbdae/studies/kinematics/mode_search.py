@@ -107,7 +107,7 @@ class ModeSearch:
         return sum(m.margin < RANK for m in self.modes[: 2 * MAX_SINGULAR]) >= MAX_SINGULAR
 
     def margin(self, q: Array) -> float:
-        """Return the smallest over the largest singular value of all rows: 0 where two modes coincide."""
+        """Return the ratio of the smallest to the largest singular value of all rows: 0 where two modes coincide."""
         G = self.curve.closures(q, self.u)[1]
         G[-1] /= self.curve.unit
         sigmas = np.linalg.svd(G, compute_uv=False)[: self.system.nv]

@@ -264,7 +264,7 @@ class Kinematics(Tabular):
         return out
 
     def plot(self, path: str | Path | None = None) -> "Figure":
-        """Draw coordinates, rates and the transmission angle over the input; saved if a path is given.
+        """Draw coordinates, rates and the transmission angle against the input; saved if a path is given.
 
         Raises:
             InputError: for a format other than .png, .svg, .pdf or .pgf, or an unwritable path.

@@ -46,23 +46,23 @@ def transmission(
     if joint.nv != 1:
         raise InputError(f"the output {output!r} has {joint.nv} coordinates: a transmission angle needs one")
     body, load, zero = joint.id, np.zeros(mech.nv), np.zeros(mech.nv)
-    columns, units = mech.coordinate_scales, system.mechanism.row_scales
+    coordinate_scales, row_scales = mech.coordinate_scales, system.mechanism.row_scales
     load[joint.idx_v] = 1.0
-    pairs = {name: part.pair for name, part in system.constraints.frame_rows.items()}
+    pairs = {name: bound.pair for name, bound in system.constraints.frame_rows.items()}
     ends = [(n, p, 1.0 if p.b.joint == body else -1.0) for n, p in pairs.items() if body in (p.a.joint, p.b.joint)]
     children = [j for j in range(1, mech.model.njoints) if mech.model.parents[j] == body]
     out, moving = np.full(len(q), np.nan), support(mech.model, body)
     if len(ends) + len(children) != 1:
         return out
     for i, (pose, direction) in enumerate(zip(q, tangent, strict=True)):
-        G = system.jacobian(pose) * columns / units[:, None]
+        G = system.jacobian(pose) * coordinate_scales / row_scales[:, None]
         if at_branch_point[i]:
             continue
-        if abs(G[-1] @ (direction / columns)) < ZERO_SPEED:  # a dead point: the load on the output is negligible
+        if abs(G[-1] @ (direction / coordinate_scales)) < ZERO_SPEED:  # a dead point: the load is negligible
             lam = np.append(minimum_norm(G[:-1], mech.nv - 1, -G[-1]), 0.0)
         else:
             lam = minimum_norm(G, mech.nv, -load)
-        lam /= units
+        lam /= row_scales
         if ends:
             name, pair, sign = ends[0]
             rows = system.constraints.spans[name]

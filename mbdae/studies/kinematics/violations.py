@@ -52,7 +52,7 @@ def unilateral_violations(mech: Mechanism, x: Array, q: Array, rates: Array, ove
         rates: dq/dx, (n, nv).
         over: the abscissa at x, (n,).
     """
-    return _violations(mech, x, q, rates, lambda _, at: float(np.interp(at, x, over)))
+    return _violations(mech, x, q, rates, lambda _, t: float(np.interp(t, x, over)))
 
 
 def curve_violations(mech: Mechanism, curve: PoseCurve) -> tuple[Violation, ...]:
@@ -106,7 +106,7 @@ def _violations(
         value, rate = found
         unit = float(mech.row_scales[switch.row])
         intervals = negative_intervals(x, value / unit, None if rate is None else rate / unit)
-        entries = [(first, last, gap(switch, at, most * unit)) for first, last, most, at in intervals]
+        entries = [(first, last, gap(switch, lowest, most * unit)) for first, last, most, lowest in intervals]
         if rate is not None:
             entries += [(*ends, 0.0) for ends in contact_intervals(x, value / unit)]
         for first, last, most in sorted(entries):
@@ -145,14 +145,14 @@ def negative_intervals(x: Array, value: Array, rate: Array | None) -> list[tuple
     roots = curve.roots(discontinuity=False, extrapolate=False)
     lowest = np.empty(0) if linear else curve.derivative().roots(discontinuity=False, extrapolate=False)
     ends = np.unique([x[0], *roots[np.isfinite(roots)], x[-1]])
-    at = np.concatenate([x, lowest[np.isfinite(lowest)]])
-    depth = -curve(at)
+    samples = np.concatenate([x, lowest[np.isfinite(lowest)]])
+    depth = -curve(samples)
     out: list[tuple[float, float, float, float]] = []
     for a, b in pairwise(ends):
-        inside = np.flatnonzero((at >= a) & (at <= b))
+        inside = np.flatnonzero((samples >= a) & (samples <= b))
         deepest = inside[depth[inside].argmax()] if len(inside) else None
         if deepest is not None and depth[deepest] > VISIBLE and curve((a + b) / 2) < 0:
-            out.append((float(a), float(b), float(depth[deepest]), float(at[deepest])))
+            out.append((float(a), float(b), float(depth[deepest]), float(samples[deepest])))
     return out
 
 

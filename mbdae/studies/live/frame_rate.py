@@ -3,8 +3,8 @@
 from time import perf_counter
 
 PERIOD = 1.0  # s between measurements
-FEWEST_FRAMES = 25.0  # frames per second below which a page draws fewer triangles and pixels
-PATIENCE = 3  # number of successive slow periods, since a page is also slow while it loads
+MIN_FRAME_RATE = 25.0  # frames per second below which a page draws fewer triangles and pixels
+MAX_SLOW_PERIODS = 3  # number of successive slow periods, since a page is also slow while it loads
 
 
 class FrameRate:
@@ -35,6 +35,6 @@ class FrameRate:
         if passed < PERIOD:
             return
         self.real_time_factor, self.drawn = (t - self._t) / passed, (frames - self._frames) / passed
-        self._slow_periods = self._slow_periods + 1 if 0 < self.drawn < FEWEST_FRAMES else 0
-        self.slow |= self._slow_periods >= PATIENCE
+        self._slow_periods = self._slow_periods + 1 if 0 < self.drawn < MIN_FRAME_RATE else 0
+        self.slow |= self._slow_periods >= MAX_SLOW_PERIODS
         self._began, self._t, self._frames = now, t, frames

@@ -39,7 +39,7 @@ def live(
     coordinates, and the paths of traced frames are drawn again, while a slider is dragged.
 
     The page is meshcat's, served on this computer. The slider of an input sets it; that of a joint pulls the joint by
-    a critically damped spring of 20 rad/s; a drag that begins on a body pulls its point,
+    a critically damped spring of frequency w = 20 rad/s; a drag that begins on a body pulls its point,
 
         f = m (w^2 (target - p) - 2 w p').
 

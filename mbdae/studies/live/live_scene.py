@@ -15,8 +15,8 @@ from ..replay.threejs import draw_commands, pose_commands, set_property
 if TYPE_CHECKING:
     from ...mechanism.scene.scene import Scene
 
-SUN_AT = np.array([0.2, -0.8, 2.8])  # position relative to the mechanism, in extents
-CAMERA_AT = 0.6 * np.array([0.9, -0.9, 0.55])  # position relative to the mechanism, in extents
+SUN_POSITION = np.array([0.2, -0.8, 2.8])  # position relative to the mechanism, in extents
+CAMERA_POSITION = 0.6 * np.array([0.9, -0.9, 0.55])  # position relative to the mechanism, in extents
 COARSE = 4000  # number of triangles of coarse bodies
 PULL = Drawable("pull", primitive("cylinder", (1.0, 1.0)), rgba=(0.76, 0.09, 0.36, 1.0), style="mark")
 
@@ -39,18 +39,18 @@ class LiveScene:
         self.scene, self.shadows, self.coarse = scene.for_motion(q[None]), shadows, False
         self.drawables = drawables(self.scene)
         self.box, self.extent = bounds(self.scene, q[None]), VisiblePoints(self.scene, q[None]).visible().extent
-        joints = self.scene.carriers
-        self._fixed = {d.name for d, on in zip(self.drawables, joints, strict=False) if on == (0,)}
+        pairs = zip(self.drawables, self.scene.carriers, strict=False)
+        self._fixed = {d.name for d, joints in pairs if joints == (0,)}
         self._start = motions(self.scene, q[None])
         carriers = zip(self.drawables, self.scene.carriers, strict=False)
         self.bodies = {d.name: joints[0] for d, joints in carriers if len(joints) == 1 and joints[0]}
         middle = self.box.mean(axis=0)
-        self.camera = {"position": (middle + self.extent * CAMERA_AT).tolist(), "target": middle.tolist()}
+        self.camera = {"position": (middle + self.extent * CAMERA_POSITION).tolist(), "target": middle.tolist()}
 
     def commands(self) -> Iterator[dict[str, Any]]:
         """Yield the commands that draw the scene, without marks of closures."""
         yield from surroundings(self.extent)
-        sun = self.box.mean(axis=0) + self.extent * SUN_AT
+        sun = self.box.mean(axis=0) + self.extent * SUN_POSITION
         yield set_property(f"{SUN}/<object>", "position", sun.tolist())
         yield set_property(f"{SUN}/<object>", "castShadow", self.shadows)
         level = ground_levels(self.box, self.extent, self.scene.ground)["top"]

@@ -53,7 +53,7 @@ def roots(modes: Modes) -> "Figure":
 
 @fixed_layout
 def locus(found: RootLocus, campbell: bool) -> "Figure":
-    """Draw real parts and frequencies over the parameter, and the roots in the complex plane."""
+    """Draw real parts and frequencies against the parameter, and the roots in the complex plane."""
     figure = empty_figure(WIDTH, 5.2)
     axes = figure.subplots(2, 2)
     (real, plane), (hertz, unused) = axes
@@ -85,7 +85,7 @@ def locus(found: RootLocus, campbell: bool) -> "Figure":
 
 @fixed_layout
 def frequency_response(system: LinearSystem, hertz: np.ndarray) -> "Figure":
-    """Draw gain and phase of each output over the frequency, for each input."""
+    """Draw gain and phase of each output against the frequency, for each input."""
     figure = empty_figure(WIDTH, 4.4)
     gain, phase = figure.subplots(2, 1, sharex=True)
     H = system.response(2 * np.pi * hertz)

@@ -98,7 +98,7 @@ class LinearSystem(Tabular):
         return np.geomspace(size.min() / 10, size.max() * 10, N_FREQUENCIES) / (2 * np.pi)
 
     def plot(self, path: str | Path | None = None, hertz: Sequence[float] | Array | None = None) -> "Figure":
-        """Draw gain and phase over frequencies in Hz, `band` when left out; saved if a path is given.
+        """Draw gain and phase against frequencies in Hz, `band` when left out; saved if a path is given.
 
         Raises:
             InputError: for another format, an unwritable path, or frequencies as in `response`.
@@ -260,7 +260,7 @@ def _split(derivatives: Array, nv: int) -> InputPartials:
 def _inputs_of_other_elements(statics: Statics) -> set[str]:
     """Return the names of inputs of drivers and of nonlinear forces."""
     laws = (law for law, _ in statics.system.laws.bound if not isinstance(law, LinearElement))
-    signals = [*(u for law in laws for u in law.signals), *(d.path for d in statics.mech.drivers)]
+    signals = [*(u for law in laws for u in law.time_functions), *(d.path for d in statics.mech.drivers)]
     return {u.name for u in signals if isinstance(u, Input | InputHistory)}
 
 

@@ -33,7 +33,7 @@ __all__ = ["modes"]
 DIGITS = 9  # decimal places of log |lambda| in sorting, so that conjugate pairs stay together
 FRAMES, SECONDS = 121, 2.0  # number of frames and duration of one cycle in a replay
 AMPLITUDE = 0.25  # default amplitude of a replay in rad or m
-LARGEST_COMPONENTS = 3  # number of components of a shape shown as text
+MAX_COMPONENTS = 3  # largest number of components of a shape shown as text
 SHOWN = 0.01  # fraction of the largest component below which components are not shown
 
 
@@ -224,7 +224,7 @@ class Modes(Tabular):
         for i, root in enumerate(self.roots):
             shape, units = self.displayed_shape(i)
             size, mixed = np.abs(shape), "," in common_unit(units)
-            order = [j for j in np.argsort(-size, kind="stable")[:LARGEST_COMPONENTS] if size[j] > SHOWN]
+            order = [j for j in np.argsort(-size, kind="stable")[:MAX_COMPONENTS] if size[j] > SHOWN]
             dominant = ", ".join(f"{names[j]} {size[j]:.2g}{f' {units[j]}' if mixed else ''}" for j in order) or (
                 "states" if root else "its speed"
             )

@@ -54,11 +54,11 @@ class RootLocus(Tabular):
     unit: str = ""
 
     def plot(self, path: str | Path | None = None, *, campbell: bool | None = None) -> "Figure":
-        """Draw real parts and frequencies over the parameter, and the roots in the complex plane; optionally saved.
+        """Draw real parts and frequencies against the parameter, and the roots in the complex plane; optionally saved.
 
         Args:
             path: file to write.
-            campbell: draw lines of integer multiples of the speed over the frequencies; for speeds when left out.
+            campbell: draw lines at integer multiples of the speed among the frequencies; for speeds when left out.
 
         Raises:
             InputError: for another format, or an unwritable path.

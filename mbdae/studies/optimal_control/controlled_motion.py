@@ -167,10 +167,10 @@ class Shooting:
         for k in range(n):
             self._advance(z, k, dt)
             for name in grid.names:
-                at, last = grid.columns(name), k + (name in grid.linear)
-                found[name][k] = (1 - fraction) * z[at[k]] + fraction * z[at[last]]
-                partials[name][k, :, at[k]] += 1 - fraction
-                partials[name][k, :, at[last]] += fraction
+                columns, last = grid.columns(name), k + (name in grid.linear)
+                found[name][k] = (1 - fraction) * z[columns[k]] + fraction * z[columns[last]]
+                partials[name][k, :, columns[k]] += 1 - fraction
+                partials[name][k, :, columns[last]] += fraction
             t[k], dy = self._differentiate(k, dy, found, partials)
         for name, signal in self.known.items():
             if signal.kind == "angle":
@@ -185,13 +185,13 @@ class Shooting:
         p, trajectory, width = span.parameters, span.trajectory, dy.shape[1]
         dp, dt = np.zeros((len(p.columns), width)), np.zeros(width)
         for name in grid.names:
-            at = grid.columns(name)
-            dp[p.column("input", name), at[k + (name in grid.linear)]] = 1.0
+            columns = grid.columns(name)
+            dp[p.column("input", name), columns[k + (name in grid.linear)]] = 1.0
             if name in grid.linear:
-                dp[p.column("input of first order", name), at[k]] = 1.0
+                dp[p.column("input of first order", name), columns[k]] = 1.0
         if grid.duration is None:
             dt[-1] = 1.0 / (grid.points - 1)
-        along, first = span.tangents(dy, dp, dt), len(trajectory.ts) - grid.steps - 1
+        tangents, first = span.tangents(dy, dp, dt), len(trajectory.ts) - grid.steps - 1
         rows = SignalJacobian(trajectory, self.names) if self.names else None
         for j in range(grid.steps + 1):
             i, time = first + j, float(trajectory.ts[first + j])
@@ -202,7 +202,7 @@ class Shooting:
             for name in self.names:
                 found[name][k, j] = value(trajectory.system, self.known[name], time, trajectory.ys[i])
             if rows:
-                by_z = rows.rows(i, time, trajectory.ys[i]) @ np.vstack([along[i], dp_node, dt_node])
+                by_z = rows.rows(i, time, trajectory.ys[i]) @ np.vstack([tangents[i], dp_node, dt_node])
                 for name, row in zip(self.names, by_z, strict=True):
                     partials[name][k, j] = row
-        return trajectory.ts[first:], along[-1]
+        return trajectory.ts[first:], tangents[-1]

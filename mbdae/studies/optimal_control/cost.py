@@ -108,5 +108,5 @@ class SignalAtPoint:
     def __call__(self, motion: ControlledMotion) -> ValueAndGradient:
         """Return the signal and its derivatives."""
         last = motion.shooting.grid.points - 1
-        at = (last - 1, -1) if self.point == last else (self.point, 0)
-        return float(motion.values[self.name][at]), motion.partials[self.name][at]
+        index = (last - 1, -1) if self.point == last else (self.point, 0)
+        return float(motion.values[self.name][index]), motion.partials[self.name][index]

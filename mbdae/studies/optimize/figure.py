@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @fixed_layout
 def search(found: Optimum) -> "Figure":
-    """Draw the cost, and the parameters from 0 at the start to 1 at the optimum, over the evaluated points."""
+    """Draw the cost, and the parameters from 0 at the start to 1 at the optimum, at each evaluated point."""
     figure = empty_figure(WIDTH, 4.0)
     upper, lower = figure.subplots(2, 1, sharex=True)
     costs = np.array([t.cost for t in found.history])

@@ -177,7 +177,7 @@ class Problem:
         return motion, found
 
     def violation(self, evaluation: Evaluation) -> float:
-        """Return the largest constraint violation over the magnitude of the constraint; 0 if satisfied."""
+        """Return the largest ratio of a constraint's violation to its magnitude; 0 if satisfied."""
         found = [(x, self.magnitudes[name], *self.limits[name]) for name, x in evaluation.constraints.items()]
         violations = [max(low - x, x - high) / size for x, size, low, high in found]
         return max((x for x in violations if x > VISIBLE), default=0.0)
@@ -187,7 +187,7 @@ class Problem:
         return (self.violation(evaluation) if len(self.history) > 1 else 0.0), evaluation.cost
 
     def value(self, z: Array, name: str = "") -> float:
-        """Return the cost or a constraint, over its magnitude."""
+        """Return the cost or a constraint, divided by its magnitude."""
         return self.evaluate(z)[name].value / self.magnitudes[name]
 
     def derivatives(self, z: Array, name: str = "") -> Array:

@@ -113,7 +113,7 @@ class Optimum(Tabular):
         return [*bounds, *([] if self.converged else [f"not an optimum: {self.message}"]), *self.failures]
 
     def plot(self, path: str | Path | None = None) -> "Figure":
-        """Draw cost and parameters over the evaluated points."""
+        """Draw cost and parameters at each evaluated point."""
         from .. import figures
         from .figure import search
 

@@ -10,7 +10,7 @@ from ...errors import InputError, MbdaeError, UnknownNameError, require
 from ...mechanism.discrete_sensitivity.parameter_direction import SMALL
 from ...system import Array
 from ..factories import MechanismFactory
-from ..sensitivity.run_parameters import entries, reals, scaled
+from ..sensitivity.run_parameters import checked_scales, entries, reals
 
 
 def require_within_bounds(start: Mapping[str, float], box: Mapping[str, tuple[float, float]]) -> None:
@@ -106,4 +106,4 @@ def parameter_scales(start: Mapping[str, float], box: Mapping[str, tuple[float, 
     for name, x in start.items():
         width = box[name][1] - box[name][0]
         default[name] = (width if np.isfinite(width) else abs(x) or 10.0) / 10 or 1.0
-    return scaled(given, default)
+    return checked_scales(given, default)

@@ -31,7 +31,7 @@ AXES = {
 
 @fixed_layout
 def convergence(study: OrderStudy) -> "Figure":
-    """Draw the errors over the step size, one panel per quantity: fitted orders solid, claimed orders dotted.
+    """Draw the errors against the step size, one panel per quantity: fitted orders solid, claimed orders dotted.
 
     Hollow points are not used in the fit: they are below the floor of rounding and reference, or on coarse steps.
     """

@@ -50,7 +50,7 @@ class GradientStudy(OrderStudy):
     Attributes:
         of: name of the parameter.
         differences: differences between tangent and difference quotients by method, relative to the largest derivative,
-            or to a thousandth of the largest |q| or |v| over the parameter if that is larger; nan if no run finishes.
+            or to a thousandth of the largest |q| or |v| divided by the parameter, if larger; nan if no run finishes.
         uncertainties: differences of the two best difference quotients by method, relative to the same scale.
     """
 
@@ -58,7 +58,7 @@ class GradientStudy(OrderStudy):
     differences: dict[str, float] = field(default_factory=dict)
     uncertainties: dict[str, float] = field(default_factory=dict)
 
-    def wrong(self, name: str) -> bool:
+    def is_refuted(self, name: str) -> bool:
         """Return whether difference quotients refute a method's tangent."""
         return self.differences[name] > max(COINCIDENT, SIGNIFICANT * self.uncertainties[name])
 
@@ -70,7 +70,7 @@ class GradientStudy(OrderStudy):
     @property
     def refuted(self) -> bool:
         """Whether some tangent is refuted, or some observed order is below its claim."""
-        return super().refuted or any(map(self.wrong, self.differences))
+        return super().refuted or any(map(self.is_refuted, self.differences))
 
     def to_dict(self) -> JsonObject:
         """Return JSON data."""
@@ -136,7 +136,7 @@ def check_gradients(
 
 
 def _derivative_units(mech: Mechanism, parameter: str | None, model: object) -> dict[str, str]:
-    """Return the units of dq and dv over a parameter, or over a factor of a velocity, see `OrderStudy`."""
+    """Return the units of dq and dv per unit of a parameter, or per factor of a velocity, see `OrderStudy`."""
     known = parameter_units(factory_of(mech if model is None else model), [parameter]) if parameter else {}
     found, of = quantity_units(mech), known.get(parameter or "", "")
     quotients = {x: [substituted("y/x", {"y": unit, "x": of or "1"}) for unit in found[x].split(", ")] for x in "qv"}
@@ -209,7 +209,7 @@ class GradientMeasurement(Measurement):
         return smallest, float(np.abs(quotients[a] - quotients[b]).max() / size)
 
     def _quotient(self, method: Method, n: int, width: float, sol: Solution) -> Array | None:
-        """Return the derivative by central differences of order six, (n, 2 nv); None if a run takes other steps."""
+        """Return the derivative by differences of order six, (n, 2 nv); None if a run takes other steps."""
         h, nq = width * (abs(self.value) or 1.0), self.mech.nq
         stencil: tuple[int, ...] = STENCIL
         if (name := self.parameter) is not None:

@@ -23,7 +23,7 @@ from ...methods import method as find_method
 from ...solution.solution import Problem, Solution, uninterrupted
 from ...system import Array
 from ...tolerances import EPS, SOLUTION_ROUNDING
-from .rates import ABOVE, REFINEMENTS, above, done, fit
+from .rates import FLOOR_RATIO, REFINEMENTS, count_above_floors, fit, is_complete
 from .result import ObservedOrder
 
 MIN_OUTPUTS = 5
@@ -151,7 +151,7 @@ class Measurement:
     def floors(self, tableau: Method, n: int, reference: tuple[Array, ...], uncertainty: Array) -> Array:
         """Return 100 (uncertainty + rounding), one for each quantity."""
         sizes = np.array([float(np.abs(x).max(initial=0.0)) for x in reference])
-        return ABOVE * (uncertainty + self.rounding(tableau, self.T / n, sizes))
+        return FLOOR_RATIO * (uncertainty + self.rounding(tableau, self.T / n, sizes))
 
     def rounding(self, tableau: Method, h: float, sizes: Array) -> Array:
         """Return the rounding error of each quantity, of these sizes, with steps of h."""
@@ -179,17 +179,17 @@ class Measurement:
         samples, stride = self._halve_steps(tableau, reference, uncertainty), 1
         orders = self._observed_orders(tableau, samples, reference, uncertainty)
         while self.add_coarser_steps and self.steps % (2 * stride) == 0 and self.steps // (2 * stride) >= MIN_OUTPUTS:
-            if all(above(s.errors, s.floors) > REFINEMENTS for s in orders):
+            if all(count_above_floors(s.errors, s.floors) > REFINEMENTS for s in orders):
                 break
             stride *= 2
             reference, *previous = (tuple(x[1::2] for x in found) for found in (reference, *samples.values()))
             samples = dict(zip(samples, previous, strict=True))
             samples = self._add_runs(tableau, [self.steps // stride], stride, samples)
             orders = self._observed_orders(tableau, samples, reference, uncertainty)
-        for parts in SUBDIVISIONS:
-            useful = max((above(s.errors, s.floors) for s in orders if not s.is_conclusive), default=0)
-            between = self.between([*samples][:useful], parts, self.steps // stride)
-            ns = [n for n in between if n not in samples]
+        for intervals in SUBDIVISIONS:
+            useful = max((count_above_floors(s.errors, s.floors) for s in orders if not s.is_conclusive), default=0)
+            found = self.intermediate_steps([*samples][:useful], intervals, self.steps // stride)
+            ns = [n for n in found if n not in samples]
             samples = self._add_runs(tableau, ns, stride, samples)
             orders = self._observed_orders(tableau, samples, reference, uncertainty) if ns else orders
         return orders
@@ -203,7 +203,7 @@ class Measurement:
         while n * tableau.solves <= self.max_solves:
             if n in (samples := self._add_runs(tableau, [n], 1, samples)):
                 orders = self._observed_orders(tableau, samples, reference, uncertainty)
-                if all(done(s.steps, s.errors, s.floors) for s in orders):
+                if all(is_complete(s.steps, s.errors, s.floors) for s in orders):
                     break
             n *= 2
         return samples
@@ -216,12 +216,13 @@ class Measurement:
         new = {n: self.sample(sol, stride) for n, sol in runs.items() if sol is not None}
         return dict(sorted((samples | new).items()))
 
-    def between(self, ns: list[int], parts: int, outputs: int) -> list[int]:
+    def intermediate_steps(self, ns: list[int], intervals: int, outputs: int) -> list[int]:
         """Return numbers of steps between each of ns and its double, even multiples of the number of common times.
 
         Errors of own multipliers alternate from step to step where R(inf) = -1.
         """
-        new = [n + n * i // parts for n in ns for i in range(1, parts) if n * (parts + i) % (2 * parts * outputs) == 0]
+        m, even = intervals, 2 * intervals * outputs
+        new = [n + n * i // m for n in ns for i in range(1, m) if n * (m + i) % even == 0]
         return [n for n in new if n not in ns]
 
     def _observed_orders(

@@ -29,9 +29,10 @@ def order(
 ) -> OrderStudy:
     """Measure the orders of methods on a problem with fixed steps and compare them with their claims.
 
-    An error is the largest one over common times, error(h) ~ C h^p; p is the least-squares slope of log error over log
-    h, of at least four refinements above rounding and the uncertainty of a reference by another method. lam is that of
-    the hidden constraint, 0 = G v' + gamma, own lam that of the method. After Ctrl-C it returns the finished methods.
+    An error is the largest one over common times, error(h) ~ C h^p; p is the least-squares slope of log error versus
+    log h, of at least four refinements above rounding and the uncertainty of a reference by another method. lam is that
+    of the hidden constraint, 0 = G v' + gamma, own lam that of the method. After Ctrl-C it returns the finished
+    methods.
 
     Args:
         problem: a mechanism (started from its model file's state), a textbook problem, or the name or path of one.

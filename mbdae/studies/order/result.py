@@ -169,8 +169,8 @@ class OrderStudy(Tabular):
         names = ("method", "quantity", "n", "h", "error", "floor", "rate", "claimed", "observed", "unit")
         return Columns(dict(zip(names, map(list, zip(*rows, strict=True)), strict=True)), {"h": "s"})
 
-    def _shown(self, error: float, floor: float, of: ObservedOrder) -> tuple[float, float]:
-        unit = self.units.get(of.quantity, "")
+    def _shown(self, error: float, floor: float, order: ObservedOrder) -> tuple[float, float]:
+        unit = self.units.get(order.quantity, "")
         return displayed(error, unit)[0], displayed(floor, unit)[0]
 
     def to_latex(self) -> str:
@@ -179,7 +179,7 @@ class OrderStudy(Tabular):
         return "\n".join([super().to_latex(), *tables])
 
     def plot(self, path: str | Path | None = None) -> "Figure":
-        """Draw the errors over the step with the fitted and the claimed orders; saved if a path is given.
+        """Draw the errors against the step with the fitted and the claimed orders; saved if a path is given.
 
         Raises:
             InputError: for a format other than .png, .svg, .pdf or .pgf, or an unwritable path.

@@ -121,7 +121,7 @@ class Branch(Tabular):
         }
 
     def plot(self, path: str | Path | None = None, *, signal: str = "") -> "Figure":
-        """Draw amplitudes, period and magnitudes of multipliers over the parameter; optionally saved.
+        """Draw amplitudes, period and magnitudes of multipliers against the parameter; optionally saved.
 
         Args:
             path: file to write.

@@ -55,7 +55,7 @@ class BranchPath:
 
     Args:
         factory: factory of the mechanisms.
-        over: the parameter and its range.
+        parameter: name and range of the parameter.
         constants: further parameters, constant.
         options: options of the runs.
         tolerance: tolerance of the residual.
@@ -64,12 +64,12 @@ class BranchPath:
     def __init__(
         self,
         factory: ParametricFactory,
-        over: Range,
+        parameter: Range,
         constants: Mapping[str, Any],
         options: Mapping[str, Any],
         tolerance: float,
     ) -> None:
-        self.factory, self.over, self.constants = factory, over, constants
+        self.factory, self.parameter, self.constants = factory, parameter, constants
         self.options, self.tolerance = options, tolerance
 
     def flow(self, value: float, t: float, y: Array, mode: tuple[int, ...] = ()) -> Flow:
@@ -78,15 +78,15 @@ class BranchPath:
         Raises:
             UnknownNameError, InputError: for an invalid value.
         """
-        name = self.over.name
+        name = self.parameter.name
 
         def make(values: Mapping[str, float]) -> Any:
             return self.factory.make({**self.constants, **values})
 
         mech = make({name: value})
         q, v, s, _ = np.split(y, np.cumsum([mech.nq, mech.nv, len(mech.states)]))
-        along = [(t, q, v, s, mode or (0,) * len(mech.switches))]
-        parameters = Parameters(make, {name: value}, backend.load(), along=along)
+        points = [(t, q, v, s, mode or (0,) * len(mech.switches))]
+        parameters = Parameters(make, {name: value}, backend.load(), along=points)
         return Flow(parameters.mech, parameters, self.options)
 
     def equations(self, cycle: Cycle, guess: Guess, value: float) -> ShootingEquations:
@@ -97,7 +97,7 @@ class BranchPath:
         """
         flow, T, by_value = self.flow(value, cycle.t, guess.nodes[0], *guess.modes[:1]), guess.T, 0.0
         if cycle.periods:
-            (low, high), h = sorted(self.over[1:]), INTERPOLATION * abs(self.over.last - self.over.first)
+            (low, high), h = sorted(self.parameter[1:]), INTERPOLATION * abs(self.parameter.last - self.parameter.first)
             # values outside the range may be invalid
             low, high = max(value - h, min(value, low)), min(value + h, max(value, high))
             T, before, after = (cycle.periods * self.period(x) for x in (value, low, high))
@@ -118,38 +118,36 @@ class BranchPath:
         Raises:
             InputError: if the period is not known.
         """
-        return period_of_functions(self.factory.make({**self.constants, self.over.name: value}))
+        return period_of_functions(self.factory.make({**self.constants, self.parameter.name: value}))
 
-    def scales(self, at: ShootingEquations) -> Array:
+    def scales(self, shooting: ShootingEquations) -> Array:
         """Return the scales of the unknowns: 1, T, 1, and the range of the parameter."""
-        out = np.ones(at.matrix.shape[1])
-        if at.cycle.unknown_period:
-            out[at.n * at.cycle.segments] = at.guess.T
-        out[-1] = self.over.last - self.over.first
+        out = np.ones(shooting.matrix.shape[1])
+        if shooting.cycle.unknown_period:
+            out[shooting.n * shooting.cycle.segments] = shooting.guess.T
+        out[-1] = self.parameter.last - self.parameter.first
         return out
 
-    def point(self, at: ShootingEquations, before: BranchMotion | None, along: Array | None = None) -> BranchMotion:
+    def point(self, shooting: ShootingEquations, before: BranchMotion | None) -> BranchMotion:
         """Return a point of the branch; its tangent is directed as the previous one, or with increasing parameter."""
-        value = at.flow.parameters.values[self.over.name]
-        x = np.linalg.svd(at.matrix * self.scales(at))[2][-1]
-        direction = self.transport_tangent(at, before) if before else along
-        if direction is None:
-            direction = np.eye(len(x))[-1]
+        value = shooting.flow.parameters.values[self.parameter.name]
+        x = np.linalg.svd(shooting.matrix * self.scales(shooting))[2][-1]
+        direction = self.transport_tangent(shooting, before) if before else np.eye(len(x))[-1]
         x *= 1.0 if x @ direction >= 0 else -1.0
-        return BranchMotion(value, motion_of(at), self.tangent_at_nodes(at, x))
+        return BranchMotion(value, motion_of(shooting), self.tangent_at_nodes(shooting, x))
 
-    def tangent_at_nodes(self, at: ShootingEquations, x: Array) -> tuple[Array, Array]:
+    def tangent_at_nodes(self, shooting: ShootingEquations, x: Array) -> tuple[Array, Array]:
         """Return a tangent as derivatives of the nodes, (k, ny), and of the remaining unknowns, (m,)."""
-        k, n = at.cycle.segments, at.n
-        nodes = np.array([lift @ x[i * n : (i + 1) * n] for i, lift in enumerate(at.lifts)])
+        k, n = shooting.cycle.segments, shooting.n
+        nodes = np.array([lift @ x[i * n : (i + 1) * n] for i, lift in enumerate(shooting.lifts)])
         return nodes, x[n * k :]
 
-    def transport_tangent(self, at: ShootingEquations, point: BranchMotion) -> Array:
+    def transport_tangent(self, shooting: ShootingEquations, point: BranchMotion) -> Array:
         """Return the unit tangent of a point in the local coordinates of equations at a neighbouring point."""
         nodes, unknowns = point.tangent
         blocks = [
             chart.coordinate_tangents(y, dy[:, None])[:, 0]
-            for chart, y, dy in zip(at.charts, at.guess.nodes, nodes, strict=True)
+            for chart, y, dy in zip(shooting.charts, shooting.guess.nodes, nodes, strict=True)
         ]
         x = np.concatenate([*blocks, unknowns])
         return np.asarray(x / np.linalg.norm(x))
@@ -159,43 +157,44 @@ class BranchPath:
         found = self.point_on_plane(start, h)
         if found is None:
             return None
-        at = found.motion.shooting
-        return found if self.transport_tangent(at, start) @ self.transport_tangent(at, found) >= MIN_COSINE else None
+        shooting = found.motion.shooting
+        cosine = self.transport_tangent(shooting, start) @ self.transport_tangent(shooting, found)
+        return found if cosine >= MIN_COSINE else None
 
     def point_on_plane(self, start: BranchMotion, h: float) -> BranchMotion | None:
         """Return the point of the branch on the normal plane at distance h along the tangent; None if it fails."""
-        at = start.motion.shooting
+        shooting = start.motion.shooting
         try:
-            x = self.transport_tangent(at, start) * self.scales(at)
-            end = self.equations(at.cycle, at.guess_after(h * x[:-1]), start.value + h * float(x[-1]))
+            x = self.transport_tangent(shooting, start) * self.scales(shooting)
+            end = self.equations(shooting.cycle, shooting.guess_after(h * x[:-1]), start.value + h * float(x[-1]))
             return self.correct(end, start)
         except (MbdaeError, np.linalg.LinAlgError):
             return None
 
-    def correct(self, at: ShootingEquations, before: BranchMotion) -> BranchMotion | None:
+    def correct(self, shooting: ShootingEquations, before: BranchMotion) -> BranchMotion | None:
         """Return the point of the branch on a plane normal to the previous tangent; None if Newton's method fails."""
         last = np.inf
         for _ in range(MAX_CORRECTIONS):
-            if at.size <= EVALUATION_ROUNDING or (at.size <= self.tolerance and at.size > last / 2):
+            if shooting.size <= EVALUATION_ROUNDING or (shooting.size <= self.tolerance and shooting.size > last / 2):
                 break
-            last, scales, direction = at.size, self.scales(at), self.transport_tangent(at, before)
-            right = np.zeros(len(at.matrix) + 1)
-            right[: len(at.residual)] = -at.residual
-            x = np.linalg.lstsq(np.vstack([at.matrix * scales, direction]), right)[0] * scales
-            value = at.flow.parameters.values[self.over.name] + float(x[-1])
-            at = self.equations(at.cycle, at.guess_after(x[:-1]), value)
-        return self.point(at, before) if at.size <= self.tolerance else None
+            last, scales, direction = shooting.size, self.scales(shooting), self.transport_tangent(shooting, before)
+            right = np.zeros(len(shooting.matrix) + 1)
+            right[: len(shooting.residual)] = -shooting.residual
+            x = np.linalg.lstsq(np.vstack([shooting.matrix * scales, direction]), right)[0] * scales
+            value = shooting.flow.parameters.values[self.parameter.name] + float(x[-1])
+            shooting = self.equations(shooting.cycle, shooting.guess_after(x[:-1]), value)
+        return self.point(shooting, before) if shooting.size <= self.tolerance else None
 
     def run(self, first: BranchMotion, h: float = FIRST_STEP) -> tuple[list[BranchMotion], list[Bifurcation], str]:
         """Follow a branch from a point to the end of the range; return points, bifurcations and why it ended early."""
         start, points, found, monitor = first, [first], list[Bifurcation](), GrazingMonitor(first)
-        low, high = sorted(self.over[1:])
+        name, (low, high) = self.parameter.name, sorted(self.parameter[1:])
         while len(points) < MAX_POINTS:
             end = (self.point_on_plane if monitor.passing else self.step)(start, h)
             if end is None:
                 h /= 2
                 if h < MIN_STEP:
-                    return points, found, f"ends at {self.over.name} = {start.value:.9g}: no motion is found beyond"
+                    return points, found, f"ends at {name} = {start.value:.9g}: no motion is found beyond"
                 continue
             if ended := not low <= end.value <= high:
                 h, end = self.locate_zero(start, h, partial(_beyond, low if end.value < low else high))
@@ -209,7 +208,7 @@ class BranchPath:
                     return points, found, f"ends where {grazing.grazed!r} is grazed: there is no derivative beyond"
                 h = FIRST_STEP  # crosses the corner of the branch
             start, h = end, monitor.limit_step(min(MAX_STEP, GROWTH * h))
-        return points, found, f"ends at {self.over.name} = {start.value:.9g} after {MAX_POINTS} points"
+        return points, found, f"ends at {name} = {start.value:.9g} after {MAX_POINTS} points"
 
     def locate_zero(
         self, start: BranchMotion, h: float, value: Callable[[BranchMotion], float]
@@ -224,18 +223,18 @@ class BranchPath:
         if "fold" in crossed:
             crossed = [kind for kind in crossed if kind != "branch"]
         for kind in crossed:
-            length, at = self.locate_zero(start, h, TESTS[kind])
-            if kind != "neimark-sacker" or _has_complex_pair(at.motion.multipliers):
-                out.append((length, Bifurcation(kind, at.value, at.motion)))
+            length, point = self.locate_zero(start, h, TESTS[kind])
+            if kind != "neimark-sacker" or _has_complex_pair(point.motion.multipliers):
+                out.append((length, Bifurcation(kind, point.value, point.motion)))
         return [x for _, x in sorted(out, key=lambda pair: pair[0])]
 
-    def doubled(self, at: Bifurcation, h: float) -> tuple[list[BranchMotion], list[Bifurcation], str]:
+    def doubled(self, doubling: Bifurcation, h: float) -> tuple[list[BranchMotion], list[Bifurcation], str]:
         """Follow the branch of twice the period from a period doubling; see `mbdae.studies.periodic.branch`.
 
         Raises:
             InputError: if no motion of twice the period is found.
         """
-        base, k = at.motion.shooting, at.motion.shooting.cycle.segments
+        base, k = doubling.motion.shooting, doubling.motion.shooting.cycle.segments
         P = base.cycle.exchange  # two exchanges cancel; in the second half, joints are exchanged
         periods = 2 * base.cycle.periods
         cycle = replace(base.cycle, segments=2 * k, exchange=Exchange(base.flow.mechanism), periods=periods)
@@ -249,21 +248,21 @@ class BranchPath:
         for M, lift in zip(base.factors, base.lifts, strict=True):
             flips.append(lift @ x)
             x = M @ x
-        double = self.equations(cycle, guess, at.value)
+        double = self.equations(cycle, guess, doubling.value)
         flips += [-P.tangent @ dy for dy in flips]
-        along = np.zeros(double.matrix.shape[1])
+        tangent = np.zeros(double.matrix.shape[1])
         pairs = zip(double.charts, double.guess.nodes, flips, strict=True)
-        along[: 2 * k * base.n] = np.concatenate([c.coordinate_tangents(y, dy[:, None])[:, 0] for c, y, dy in pairs])
-        along /= np.linalg.norm(along)
-        first = BranchMotion(at.value, motion_of(double), self.tangent_at_nodes(double, along))
-        low, high = sorted(self.over[1:])
+        tangent[: 2 * k * base.n] = np.concatenate([c.coordinate_tangents(y, dy[:, None])[:, 0] for c, y, dy in pairs])
+        tangent /= np.linalg.norm(tangent)
+        first = BranchMotion(doubling.value, motion_of(double), self.tangent_at_nodes(double, tangent))
+        low, high = sorted(self.parameter[1:])
         for _ in range(MAX_HALVINGS):
             start = self.point_on_plane(first, h)  # the parameter changes by O(h^2)
             if start and low <= start.value <= high:
                 points, found, message = self.run(start)
                 return [first, *points], found, message
             h /= 2
-        raise InputError(f"no motion of twice the period is found near {self.over.name} = {at.value:.9g}")
+        raise InputError(f"no motion of twice the period is found near {self.parameter.name} = {doubling.value:.9g}")
 
 
 def _beyond(limit: float, p: BranchMotion) -> float:

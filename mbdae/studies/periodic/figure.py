@@ -55,7 +55,7 @@ def _phase_planes(axes: "Axes", columns: Mapping[str, Array], units: Mapping[str
 
 @fixed_layout
 def branch(found: "Branch", signal: str) -> "Figure":
-    """Draw extrema of a signal, the magnitudes of the multipliers over the parameter, and their paths."""
+    """Draw extrema of a signal, the magnitudes of the multipliers against the parameter, and their paths."""
     figure = empty_figure(WIDTH, 2.6)
     amplitude, magnitude, plane = figure.subplots(1, 3)
     mech = found.points[0].motion.mechanism

@@ -13,13 +13,13 @@ from .shooting.shooting_equations import ShootingEquations
 
 def motion_of(found: ShootingEquations) -> PeriodicMotion:
     """Return the periodic motion of solved equations, with its multipliers."""
-    cycle, at, mech = found.cycle, found.guess, found.flow.mechanism
-    q, v, s, _ = np.split(at.nodes[0], np.cumsum([mech.nq, mech.nv, len(mech.states)]))
+    cycle, guess, mech = found.cycle, found.guess, found.flow.mechanism
+    q, v, s, _ = np.split(guess.nodes[0], np.cumsum([mech.nq, mech.nv, len(mech.states)]))
     multipliers, neutral = floquet(found)
     T, runs = float(found.runs[-1].t[-1]) - cycle.t, tuple(found.runs)
-    advances = {x.name: float(-sigma) for x, sigma in zip(cycle.symmetries, at.sigma, strict=True)}
+    advances = {x.name: float(-sigma) for x, sigma in zip(cycle.symmetries, guess.sigma, strict=True)}
     shifted = [(name, mech.model.joints[mech.model.getJointId(name)]) for name in mech.joint_names]
-    shifts = {name: float(at.shifts[j.idx_v]) for name, j in shifted if j.nv == 1 and at.shifts[j.idx_v]}
+    shifts = {name: float(guess.shifts[j.idx_v]) for name, j in shifted if j.nv == 1 and guess.shifts[j.idx_v]}
     return PeriodicMotion(mech, T, cycle.t, q, v, s, multipliers, neutral, advances, shifts, found.size, runs, found)
 
 
@@ -56,7 +56,7 @@ def _right_error(factors: Sequence[Array], known: Sequence[Array], j: int) -> fl
 
 
 def _left_error(factors: Sequence[Array], rows: Sequence[Array]) -> float:
-    """Return the largest relative distance of e_i+1 M_i from e_i; 1 for rows that vanish."""
+    """Return the largest relative distance of e_(i+1) M_i from e_i; 1 for rows that vanish."""
     if not all(row.any() for row in rows):
         return 1.0
     triples = zip(factors, rows, [*rows[1:], rows[0]], strict=True)

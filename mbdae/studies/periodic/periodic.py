@@ -24,7 +24,7 @@ from .shooting.shooting_equations import Cycle, Guess, ShootingEquations
 __all__ = ["periodic"]
 
 METHOD, RTOL = "pherk6", SOLUTION_ROUNDING
-GAP = 100.0  # tolerance of the shooting residual over rtol: step-size control makes the residual non-smooth
+GAP = 100.0  # ratio of the residual's tolerance to rtol: step-size control makes the shooting residual non-smooth
 
 
 def periodic(

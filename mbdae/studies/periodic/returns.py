@@ -14,8 +14,8 @@ from ...system import Array
 from ...tolerances import INPUT_DIGITS, NEGLIGIBLE
 from .period import is_autonomous, period_of_functions
 
-NEAR_RETURN = 0.2  # distance of a candidate return from the final state, over the largest distance
-CLOSE_RETURN = 0.02  # distance of the closest return of a nearly settled run, over the largest distance
+NEAR_RETURN = 0.2  # distance of a candidate return from the final state, as a fraction of the largest distance
+CLOSE_RETURN = 0.02  # distance of the closest return of a nearly settled run, as such a fraction
 SAMPLES, REFINED, ZOOMS = 4000, 11, 8  # samples of a run, and of a return in each of several refinements
 MAX_RETURNS = 50  # number of last returns that are refined
 POINTS = 3  # number of points of a run at which symmetries are checked

@@ -30,10 +30,10 @@ SMOOTH = 0.1  # largest angle in rad between segments of a path
 CONTACT_PREFIX = "contact."
 
 
-class MovingParts(NamedTuple):
+class MovingDrawables(NamedTuple):
     """Drawables and their motions, below a path of the viewer's tree."""
 
-    parts: list[Drawable]
+    drawables: list[Drawable]
     motions: list[Motion]
     root: str
 
@@ -46,7 +46,7 @@ def rgba_of(colour: str, opacity: float = 1.0) -> tuple[float, ...]:
 def closure_gaps(scene: "Scene", q: Array) -> list[dict[str, Any]]:
     """Return closures with the largest visible gap in m over configurations q (m, nq); None if none can be visible."""
     distances = np.linalg.norm(np.diff(scene.end_points(scene.marks, sampled(q, 400)), axis=2)[:, :, 0], axis=2)
-    marks = [node_path(part.name) for part in drawables(scene) if part.style == "closure"]
+    marks = [node_path(d.name) for d in drawables(scene) if d.style == "closure"]
     return [
         {
             "name": m.name,
@@ -69,7 +69,7 @@ def followable_bodies(scene: "Scene", model: Any) -> dict[str, int]:
 
 def ghosts(
     sol: "Solution", scene: "Scene", solutions: Mapping[str, "Solution"], times: Array
-) -> list[tuple[str, str, MovingParts]]:
+) -> list[tuple[str, str, MovingDrawables]]:
     """Return further solutions in a scene at the same times (m,): names, colours, and moving drawables.
 
     Raises:
@@ -87,8 +87,8 @@ def ghosts(
             for p, m in found
             if p.style == "body" and any(np.ptp(t.values[inside], axis=0).any() for t in m.values())
         ]
-        parts, tracks = [p for p, _ in moving], [m for _, m in moving]
-        out.append((name, colour, MovingParts(parts, tracks, f"/mechanism/ghost {i + 1}")))
+        drawn, tracks = [p for p, _ in moving], [m for _, m in moving]
+        out.append((name, colour, MovingDrawables(drawn, tracks, f"/mechanism/ghost {i + 1}")))
     return out
 
 
@@ -251,9 +251,9 @@ def arrows(
     return {"largest": float(np.nanmax(lengths, initial=0.0)), "forces": forces}
 
 
-def arrow_parts(forces: Mapping[str, Any], extent: float) -> MovingParts:
+def arrow_drawables(forces: Mapping[str, Any], extent: float) -> MovingDrawables:
     """Return shafts and heads of the arrows of forces, each from its point of application."""
-    out, width = MovingParts([], [], "/mechanism/force"), SHAFT * extent
+    out, width = MovingDrawables([], [], "/mechanism/force"), SHAFT * extent
     for force in forces["forces"]:
         length = np.linalg.norm(force["values"], axis=1) * LONGEST * extent / (forces["largest"] or 1.0)
         rotation = aligned_quaternions(force["values"])
@@ -266,7 +266,8 @@ def arrow_parts(forces: Mapping[str, Any], extent: float) -> MovingParts:
             size = np.maximum(np.column_stack([radius, radius, high - low]), COINCIDENT * extent)
             middle = force["points"] + unit * ((low + high) / 2)[:, None]
             name = f"{force['name'].replace('/', '|')} {name}"
-            out.parts.append(Drawable(name, primitive(kind, (1.0, 1.0)), rgba=rgba_of(force["colour"]), style="mark"))
+            rgba = rgba_of(force["colour"])
+            out.drawables.append(Drawable(name, primitive(kind, (1.0, 1.0)), rgba=rgba, style="mark"))
             out.motions.append({
                 "position": Track(middle), "rotation": Track(rotation), "scale": Track(size), "visible": shown,
             })  # fmt: skip

@@ -56,20 +56,24 @@ def posture(sol: Solution) -> "Figure":
 
 
 def _view(thin: int) -> Array:
-    """Return the axes of the picture (3, 3): right, up, and towards the viewer."""
-    back = np.array([1, -1, 0.6]) if thin < 0 else np.eye(3)[thin] * (-1 if thin == 1 else 1)
-    back /= np.linalg.norm(back)
-    right = np.cross(np.eye(3)[1 if thin == 2 else 2], back)
+    """Return the axes of the picture (3, 3): right, up, and towards the viewer.
+
+    ``thin`` is the index of the thinnest axis of a flat scene; -1 if the scene is not flat.
+    """
+    viewer = np.array([1, -1, 0.6]) if thin < 0 else np.eye(3)[thin] * (-1 if thin == 1 else 1)
+    viewer /= np.linalg.norm(viewer)
+    right = np.cross(np.eye(3)[1 if thin == 2 else 2], viewer)
     right /= np.linalg.norm(right)
-    return np.array([right, np.cross(back, right), back])
+    return np.array([right, np.cross(viewer, right), viewer])
 
 
 def _triangles(scene: "Scene", q: Array) -> Iterator[tuple[Array, tuple[float, ...]]]:
     """Yield corners (n, 3, 3) in the world [m] and colours of all surfaces at q (nq,)."""
-    for part, motion in zip(drawables(scene), motions(scene, q[None]), strict=True):
+    for drawable, motion in zip(drawables(scene), motions(scene, q[None]), strict=True):
         pose_now = {key: track.values[0] for key, track in motion.items()}
-        pose = transform(pose_now["position"], pose_now["rotation"], part.scale * pose_now.get("scale", np.ones(3)))
+        pose = transform(pose_now["position"], pose_now["rotation"], drawable.scale * pose_now.get("scale", np.ones(3)))
         stretch = pose_now.get("stretch", 0.0)
-        for surface in part.solid.surfaces if part.style == "body" else ():
-            points = surface.points if part.solid.stretch is None else surface.points + stretch * part.solid.stretch
-            yield (points @ pose[:3, :3].T + pose[:3, 3])[surface.faces], part.rgba or surface.rgba or GREY
+        for surface in drawable.solid.surfaces if drawable.style == "body" else ():
+            displacement = drawable.solid.stretch
+            points = surface.points if displacement is None else surface.points + stretch * displacement
+            yield (points @ pose[:3, :3].T + pose[:3, 3])[surface.faces], drawable.rgba or surface.rgba or GREY

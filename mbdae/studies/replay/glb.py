@@ -11,8 +11,8 @@ import numpy as np
 
 from ...mechanism.scene.drawables import GREY, Drawable, Motion, Solid, Track, Vertices, drawables, motions
 from ...system import Array
-from .animation_tracks import MovingParts
-from .mode_tracks import mark_parts
+from .animation_tracks import MovingDrawables
+from .mode_tracks import mark_drawables
 
 if TYPE_CHECKING:
     from ...mechanism.scene.scene import Scene
@@ -30,7 +30,7 @@ class _File:
 
     def __init__(self, title: str) -> None:
         self.data = bytearray()
-        self.parts: dict[str, Any] = {
+        self.elements: dict[str, Any] = {
             "asset": {"version": "2.0", "generator": "mbdae"},
             "scene": 0,
             "scenes": [{"name": title or "mechanism", "nodes": [0]}],
@@ -39,8 +39,8 @@ class _File:
         self.known: dict[Any, int] = {}
 
     def add(self, kind: str, item: dict[str, Any]) -> int:
-        self.parts[kind].append(item)
-        return len(self.parts[kind]) - 1
+        self.elements[kind].append(item)
+        return len(self.elements[kind]) - 1
 
     def add_once(self, key: object, kind: str, item: dict[str, Any]) -> int:
         if key not in self.known:
@@ -109,8 +109,8 @@ class _File:
 
     def bytes(self) -> bytes:
         """Return the file: header, JSON chunk and binary chunk."""
-        parts = {k: v for k, v in self.parts.items() if v != []} | {"buffers": [{"byteLength": len(self.data)}]}
-        text = json.dumps(parts, separators=(",", ":")).encode()
+        elements = {k: v for k, v in self.elements.items() if v != []} | {"buffers": [{"byteLength": len(self.data)}]}
+        text = json.dumps(elements, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)
         data = bytes(self.data) + b"\0" * (-len(self.data) % 4)
         chunks = [(len(text), b"JSON", text), (len(data), b"BIN\0", data)]
@@ -130,11 +130,11 @@ def glb(scene: "Scene", times: Array, q: Array, title: str, speed: float, marks:
         marks: balls at active contacts, and for a quarter of a second at impacts.
     """
     animation = _Animation(title, np.abs(times - times[0]), speed)
-    drawn = MovingParts(drawables(scene), motions(scene, q), "")
-    marked = mark_parts(marks if len(times) > 1 else (), times, speed, scene.width)
-    for part, motion in (*zip(drawn.parts, drawn.motions, strict=True), *zip(*marked[:2], strict=True)):
-        if part.style != "closure" and part.solid.surfaces:
-            animation.add(part, motion)
+    drawn = MovingDrawables(drawables(scene), motions(scene, q), "")
+    marked = mark_drawables(marks if len(times) > 1 else (), times, speed, scene.width)
+    for drawable, motion in (*zip(drawn.drawables, drawn.motions, strict=True), *zip(*marked[:2], strict=True)):
+        if drawable.style != "closure" and drawable.solid.surfaces:
+            animation.add(drawable, motion)
     return animation.bytes()
 
 
@@ -147,17 +147,17 @@ class _Animation:
         self.times_index = self.file.accessor(times / speed, bounded=True) if self.moves else -1
         self.motion: dict[str, Any] = {"name": "motion", "samplers": [], "channels": []}
 
-    def add(self, part: Drawable, motion: Motion) -> None:
+    def add(self, drawable: Drawable, motion: Motion) -> None:
         """Add a node with the motion of a drawable; ``scale`` includes its scale."""
         tracks = {PATHS[key]: track for key, track in motion.items() if key in PATHS}
         scale = tracks.get("scale", Track(np.ones((1, 3))))
-        tracks["scale"] = scale._replace(values=scale.values * np.array(part.scale))
+        tracks["scale"] = scale._replace(values=scale.values * np.array(drawable.scale))
         start = {path: track.values[0].tolist() for path, track in tracks.items()}
         if start["scale"] == [1.0, 1.0, 1.0]:
             del start["scale"]
-        name = part.name.partition("/")[2] or part.name
-        node = self.file.add("nodes", {"name": name, "mesh": self.file.mesh(part.solid, part.rgba), **start})
-        self.file.parts["nodes"][0]["children"].append(node)
+        name = drawable.name.partition("/")[2] or drawable.name
+        node = self.file.add("nodes", {"name": name, "mesh": self.file.mesh(drawable.solid, drawable.rgba), **start})
+        self.file.elements["nodes"][0]["children"].append(node)
         for path, track in tracks.items():
             if self.moves and track.moves:
                 self._add_channel(node, path, track)
@@ -165,7 +165,7 @@ class _Animation:
     def bytes(self) -> bytes:
         """Return the file."""
         if self.motion["channels"]:
-            self.file.parts["animations"] = [self.motion]
+            self.file.elements["animations"] = [self.motion]
         return self.file.bytes()
 
     def _add_channel(self, node: int, path: str, track: Track) -> None:

@@ -20,7 +20,7 @@ from ...errors import InputError
 from ...mechanism.scene.drawables import Motion, Solid, drawables
 from ...mechanism.scene.visible import FAR, VisiblePoints, bounds, sampled
 from ...system import Array
-from .animation_tracks import TRACE, MovingParts, arrow_parts, followable_bodies, path_clips, path_commands
+from .animation_tracks import TRACE, MovingDrawables, arrow_drawables, followable_bodies, path_clips, path_commands
 from .surroundings import grid_spacing, ground_levels, surroundings
 from .threejs import ROOT, animation_clips, draw_commands, node_path, pose_commands, quantized_geometry, typed_array
 
@@ -41,7 +41,7 @@ class Extras(NamedTuple):
         legend: colours and texts.
     """
 
-    moving: Sequence[MovingParts] = ()
+    moving: Sequence[MovingDrawables] = ()
     traces: Sequence[Mapping[str, Any]] = ()
     forces: Mapping[str, Any] = {"largest": 0.0, "forces": ()}
     legend: Sequence[Mapping[str, str]] = ()
@@ -70,11 +70,11 @@ def scene_data(
     heaviest, extent = next(iter(bodies), ""), all_visible.extent
     travels = bool(heaviest) and all_visible.moves and extent > FAR * visible_with[heaviest].extent
     solids: list[Solid] = []
-    mechanism = MovingParts(drawables(scene), list(shown), ROOT)
+    mechanism = MovingDrawables(drawables(scene), list(shown), ROOT)
     commands, clips = list(surroundings(extent)), []
-    for parts, motions, root in (mechanism, *extras.moving, arrow_parts(extras.forces, extent)):
-        commands += [*draw_commands(parts, solids, root), *pose_commands(parts, motions, root=root)]
-        clips += animation_clips(parts, motions, root)
+    for drawn, motions, root in (mechanism, *extras.moving, arrow_drawables(extras.forces, extent)):
+        commands += [*draw_commands(drawn, solids, root), *pose_commands(drawn, motions, root=root)]
+        clips += animation_clips(drawn, motions, root)
     for trace in extras.traces:
         path = f"{ROOT}/trace/{trace['name'].replace('/', '|')}"
         commands += path_commands(path, trace["points"], trace["colour"], TRACE * extent)
@@ -90,7 +90,7 @@ def scene_data(
         "cell": grid_spacing(extent),
         "levels": ground_levels(bounds(scene, seen), extent, scene.ground),
         "visible": {name: typed_array(x.points, "float32") for name, x in {"": all_visible, **visible_with}.items()},
-        "bodies": [{"name": name, "path": node_path(mechanism.parts[k].name)} for name, k in bodies.items()],
+        "bodies": [{"name": name, "path": node_path(mechanism.drawables[k].name)} for name, k in bodies.items()],
         "legend": list(extras.legend),
     }
 

@@ -10,7 +10,7 @@ from ...mechanism.signals.contacts import contact_path, rolling_closures
 from ...mechanism.tree.frames import frame_paths, joint_paths
 from ...system import Array
 from ...tolerances import INPUT_DIGITS
-from .animation_tracks import MovingParts, rgba_of
+from .animation_tracks import MovingDrawables, rgba_of
 
 if TYPE_CHECKING:
     from ...mechanism import Mechanism
@@ -43,7 +43,7 @@ class ModeTrack(NamedTuple):
     strength: list[float]
 
 
-def mark_parts(marks: Sequence[ModeTrack], times: Array, speed: float, width: float) -> MovingParts:
+def mark_drawables(marks: Sequence[ModeTrack], times: Array, speed: float, width: float) -> MovingDrawables:
     """Return balls at active contacts, and for a quarter of a second of viewing at impacts.
 
     Args:
@@ -52,7 +52,7 @@ def mark_parts(marks: Sequence[ModeTrack], times: Array, speed: float, width: fl
         speed: seconds of motion per second of viewing.
         width: width of links in m; balls have three times this radius.
     """
-    out = MovingParts([], [], "/mechanism/mode")
+    out = MovingDrawables([], [], "/mechanism/mode")
     for mark in marks:
         for kind, colour, scales in (
             ("active", ACTIVE_COLOUR, _active_scales(mark, times)),
@@ -64,7 +64,7 @@ def mark_parts(marks: Sequence[ModeTrack], times: Array, speed: float, width: fl
             for k, points in enumerate(mark.positions):
                 name = f"{mark.name.replace('/', '|')} {kind}" + (f" {k + 1}" if k else "")
                 ball = primitive("ellipsoid", (1.0, 1.0, 1.0))
-                out.parts.append(Drawable(name, ball, (3 * width,) * 3, rgba_of(colour, 0.6), "mark"))
+                out.drawables.append(Drawable(name, ball, (3 * width,) * 3, rgba_of(colour, 0.6), "mark"))
                 still = Track(np.tile([0.0, 0.0, 0.0, 1.0], (len(points), 1)))
                 out.motions.append({"position": Track(points), "rotation": still, "scale": scales})
     return out

@@ -15,7 +15,7 @@ from ...units import quantity
 from ..figures import COLOURS
 from . import animation_tracks as tracks
 from .html_page import Extras, html_document, inline_frame, scene_data
-from .mode_tracks import mark_parts, mode_legend, mode_tracks_of
+from .mode_tracks import mark_drawables, mode_legend, mode_tracks_of
 from .plot_panels import Plot, PlotPanel, Signal, is_over_arclength, panes
 from .threejs import selectable_clips, typed_array
 from .video import VIDEO, film
@@ -29,7 +29,7 @@ MIN_FRAMES = 101  # short runs are often viewed in slow motion
 MAX_FRAMES = 6001  # unless fps is given: 100 s of viewing; the page interpolates between frames
 VIEWING = 4.0  # s, duration of the slow motion of runs that are shorter than half of it
 CAMERAS = ("front", "top", "side", "3d")
-NOTEBOOK = 20e6  # characters: larger pages make notebooks slow
+MAX_NOTEBOOK_TEXT = 20e6  # characters: larger pages make notebooks slow
 
 
 def animate(
@@ -157,12 +157,12 @@ def page(
     marks = [] if choices else mode_tracks_of(sol, q)
     forces = tracks.arrows(sol, arrows, times, deformation)
 
-    def configurations(at: np.ndarray) -> np.ndarray:
-        return q if at is times else sol(at)[0]
+    def configurations(t: np.ndarray) -> np.ndarray:
+        return q if t is times else sol(t)[0]
 
     paths = tracks.traces(mechanism, traces, configurations, times, deformation)
     extras = Extras(
-        [*(moving for _, _, moving in drawn_ghosts), mark_parts(marks, times, speed, scene.width)],
+        [*(moving for _, _, moving in drawn_ghosts), mark_drawables(marks, times, speed, scene.width)],
         paths,
         forces,
         [*_legend(drawn_ghosts, paths, forces), *mode_legend(marks)],
@@ -233,7 +233,7 @@ def playback_speed(sol: "Solution") -> float:
 def notebook(sol: "Solution") -> str:
     """Return the replay of a solution for a notebook; a line of text if it would be too large."""
     text = page(sol, fps=30.0)
-    if len(text) > NOTEBOOK:
+    if len(text) > MAX_NOTEBOOK_TEXT:
         size = f"{len(text) / 1e6:.0f} MB"
         return f"<p>{html.escape(repr(sol))}<br>The replay has {size}: mbdae.animate(sol, 'run.html') writes it.</p>"
     return inline_frame(text)
@@ -250,9 +250,9 @@ def _frames(sol: "Solution", rate: float, max_frames: int | None) -> tuple[np.nd
         count = max(MIN_FRAMES, int(np.ceil(abs(end - start) * rate)) + 1)
         times = np.linspace(start, end, min(count, max_frames or count))
         q = sol(times)[0]
-    bad = ~np.isfinite(q).all(axis=1)
-    if bad.any():
-        raise InputError(f"the solution is not finite at t = {times[bad.argmax()]:g}")
+    nonfinite = ~np.isfinite(q).all(axis=1)
+    if nonfinite.any():
+        raise InputError(f"the solution is not finite at t = {times[nonfinite.argmax()]:g}")
     return times, q
 
 

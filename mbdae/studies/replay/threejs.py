@@ -32,9 +32,9 @@ def typed_array(values: object, dtype: str) -> umsgpack.Ext:
     return umsgpack.Ext(EXTENSION[dtype], np.ascontiguousarray(values, dtype=dtype).tobytes())
 
 
-def node_path(part: str, root: str = ROOT) -> str:
-    """Return the path of a part in the viewer's tree."""
-    return f"{root}/{part}"
+def node_path(drawable: str, root: str = ROOT) -> str:
+    """Return the path of a drawable in the viewer's tree."""
+    return f"{root}/{drawable}"
 
 
 def set_object(path: str, contents: Mapping[str, object]) -> dict[str, Any]:
@@ -49,41 +49,41 @@ def set_property(path: str, name: str, value: object) -> dict[str, Any]:
 
 
 def draw_commands(
-    parts: Sequence[Drawable], solids: list[Solid] | None = None, root: str = ROOT
+    drawables: Sequence[Drawable], solids: list[Solid] | None = None, root: str = ROOT
 ) -> Iterator[dict[str, Any]]:
-    """Yield the commands that draw parts.
+    """Yield the commands that draw drawables.
 
     Args:
-        parts: the parts.
-        solids: list to which the solids of the parts are added, so that a page stores each once; a geometry is then an
-            index. Without a list each object contains its geometry.
-        root: path above the names of the parts.
+        drawables: the drawables.
+        solids: list to which their solids are added, so that a page stores each once; a geometry is then an index.
+            Without a list each object contains its geometry.
+        root: path above the names of the drawables.
     """
-    for k, part in enumerate(parts):
-        if not part.solid.surfaces:
+    for k, drawable in enumerate(drawables):
+        if not drawable.solid.surfaces:
             continue
-        path = node_path(part.name, root)
-        yield set_object(path, _object(part, k, len(parts) - k, solids))
-        if part.style != "body":
+        path = node_path(drawable.name, root)
+        yield set_object(path, _object(drawable, k, len(drawables) - k, solids))
+        if drawable.style != "body":
             yield set_property(f"{path}/<object>", "castShadow", False)
             yield set_property(f"{path}/<object>", "receiveShadow", False)
 
 
-def _object(part: Drawable, k: int, layer: int, solids: list[Solid] | None) -> dict[str, Any]:
+def _object(d: Drawable, k: int, layer: int, solids: list[Solid] | None) -> dict[str, Any]:
     """Return an object; closures are drawn above everything else, higher layers above lower ones."""
-    colours = [part.rgba] if part.rgba else [surface.rgba or GREY for surface in part.solid.surfaces]
-    colours *= len(part.solid.surfaces) // len(colours)
-    images = [b"" if part.rgba else surface.image for surface in part.solid.surfaces]
+    colours = [d.rgba] if d.rgba else [surface.rgba or GREY for surface in d.solid.surfaces]
+    colours *= len(d.solid.surfaces) // len(colours)
+    images = [b"" if d.rgba else surface.image for surface in d.solid.surfaces]
     if solids is None:
-        geometry: dict[str, Any] = {"data": buffer_geometry(part.solid)}
+        geometry: dict[str, Any] = {"data": buffer_geometry(d.solid)}
     else:
-        if part.solid not in solids:
-            solids.append(part.solid)
-        geometry = {"shared": solids.index(part.solid)}
+        if d.solid not in solids:
+            solids.append(d.solid)
+        geometry = {"shared": solids.index(d.solid)}
     return {
         "geometries": [{"uuid": "geometry", "type": "BufferGeometry", **geometry}],
         "materials": [
-            {"uuid": f"material {i}", **material(rgba, part.style, k), **({"map": f"texture {i}"} if images[i] else {})}
+            {"uuid": f"material {i}", **material(rgba, d.style, k), **({"map": f"texture {i}"} if images[i] else {})}
             for i, rgba in enumerate(colours)
         ],
         "images": [{"uuid": f"image {i}", "url": _url(data)} for i, data in enumerate(images) if data],
@@ -91,19 +91,19 @@ def _object(part: Drawable, k: int, layer: int, solids: list[Solid] | None) -> d
             {"uuid": f"texture {i}", "image": f"image {i}", "wrap": [1000, 1000]} for i, x in enumerate(images) if x
         ],
         "object": {
-            "uuid": part.name,
+            "uuid": d.name,
             "type": "Mesh",
             "geometry": "geometry",
             "material": [f"material {i}" for i in range(len(colours))],
-            "matrix": np.diag([*part.scale, 1.0]).ravel().tolist(),
-            "renderOrder": {"closure": layer, "mark": MARK_LAYER}.get(part.style, 0),
-            "frustumCulled": part.solid.stretch is None,
+            "matrix": np.diag([*d.scale, 1.0]).ravel().tolist(),
+            "renderOrder": {"closure": layer, "mark": MARK_LAYER}.get(d.style, 0),
+            "frustumCulled": d.solid.stretch is None,
         },
     }
 
 
 def material(rgba: Sequence[float], style: str, k: int = 0) -> dict[str, Any]:
-    """Return a material; of coplanar faces, that of the part with the larger k is visible."""
+    """Return a material; of coplanar faces, that of the drawable with the larger k is visible."""
     colour = int.from_bytes(bytes(round(255 * c) for c in rgba[:3]), "big")
     out = {"color": colour, "opacity": float(rgba[3]), "transparent": rgba[3] < 1, "side": 2}
     phong = {"type": "MeshPhongMaterial", "shininess": 40, "specular": 0x1C1C1C}
@@ -174,36 +174,36 @@ def quantized_geometry(solid: Solid) -> dict[str, Any]:
 
 
 def animation_clips(
-    parts: Sequence[Drawable], motions: Sequence[Motion], root: str = ROOT, moving: Sequence[bool] | None = None
+    drawables: Sequence[Drawable], motions: Sequence[Motion], root: str = ROOT, moving: Sequence[bool] | None = None
 ) -> list[dict[str, Any]]:
-    """Return the animations of the parts that move, over seconds; the page adds the times of frames.
+    """Return the animations of the drawables that move, over seconds; the page adds the times of frames.
 
     Args:
-        parts: the parts.
-        motions: motions of the parts.
-        root: path above the names of the parts.
-        moving: mask of the parts to animate; those that move if omitted.
+        drawables: the drawables.
+        motions: motions of the drawables.
+        root: path above the names of the drawables.
+        moving: mask of the drawables to animate; those that move if omitted.
     """
     out = []
-    for k, (part, motion) in enumerate(zip(parts, motions, strict=True)):
+    for k, (drawable, motion) in enumerate(zip(drawables, motions, strict=True)):
         tracks = {key: t for key, t in motion.items() if (t.moves if moving is None else moving[k])}
-        for below in ("", "/<object>") if part.solid.surfaces else ():
+        for below in ("", "/<object>") if drawable.solid.surfaces else ():
             found = [_clip_track(key, track) for key, track in tracks.items() if TRACKS[key][0] == below]
             if found:
-                out.append({"path": node_path(part.name, root) + below, "clip": {"fps": 1, "tracks": found}})
+                out.append({"path": node_path(drawable.name, root) + below, "clip": {"fps": 1, "tracks": found}})
     return out
 
 
 def selectable_clips(
-    parts: Sequence[Drawable],
+    drawables: Sequence[Drawable],
     shown: Sequence[Motion],
     choices: Mapping[str, Sequence[Motion]],
     times: Array | None = None,
 ) -> list[dict[str, Any]]:
-    """Return selectable animations, each with all parts that move in at least one of them.
+    """Return selectable animations, each with all drawables that move in at least one of them.
 
     Args:
-        parts: the parts.
+        drawables: the drawables.
         shown: motions that are shown when none of the animations is selected.
         choices: motions of each animation, by its name.
         times: times of the frames in s, (m,); uniform from 0 to 1 if omitted.
@@ -214,13 +214,13 @@ def selectable_clips(
     for name, found in choices.items():
         count = len(next(iter(found[0].values())).values) if found else 1
         at = np.linspace(0, 1, count) if times is None else times
-        clips = animation_clips(parts, found, moving=moving)
+        clips = animation_clips(drawables, found, moving=moving)
         out.append({"name": name, "times": typed_array(at, "float32"), "animations": clips})
     return out
 
 
 def _differ(found: Sequence[Motion]) -> bool:
-    """Return whether a part moves in one of its motions, or its constant poses differ."""
+    """Return whether a drawable moves in one of its motions, or its constant poses differ."""
     tracks = [(key, track) for motion in found for key, track in motion.items()]
     return any(t.moves or not np.array_equal(t.values[0], found[0][key].values[0]) for key, t in tracks)
 
@@ -234,13 +234,13 @@ def _clip_track(key: str, track: Track) -> dict[str, Any]:
 
 
 def pose_commands(
-    parts: Sequence[Drawable], motions: Sequence[Motion], k: int = 0, root: str = ROOT
+    drawables: Sequence[Drawable], motions: Sequence[Motion], k: int = 0, root: str = ROOT
 ) -> Iterator[dict[str, Any]]:
-    """Yield the commands that move parts to frame k of their motions, by the tracks over frames."""
-    for part, motion in zip(parts, motions, strict=True):
-        if not part.solid.surfaces:
+    """Yield the commands that move drawables to frame k of their motions, by the tracks over frames."""
+    for drawable, motion in zip(drawables, motions, strict=True):
+        if not drawable.solid.surfaces:
             continue
-        path = node_path(part.name, root)
+        path = node_path(drawable.name, root)
         if "position" in motion:
             scale = motion["scale"].values[k] if "scale" in motion and motion["scale"].times is None else np.ones(3)
             matrix = transform(motion["position"].values[k], motion["rotation"].values[k], scale)

@@ -34,28 +34,28 @@ class NodeCotangents:
         self.at_nodes = trajectory.ts[self.nodes] == t
         self.used = np.asarray(self.weights.any(axis=(0, 1)))
 
-    def at(self, i: int) -> Cotangents:
+    def of_node(self, i: int) -> Cotangents:
         """Return the cotangents of node i, including those from times between it and the next node."""
         sensitivity, costs = self.trajectory.sensitivity, len(self.weights)
         out, p = np.zeros((costs, sensitivity.ny + self.trajectory.n_carry)), np.zeros((costs, sensitivity.k))
         bar_t = np.zeros(costs)
         for m in self._times(i, i + 1):
-            at, by_p, by_t = self._of_time(m)
-            out, p, bar_t = out + at, p + by_p, bar_t + by_t
+            bar, by_p, by_t = self._of_time(m)
+            out, p, bar_t = out + bar, p + by_p, bar_t + by_t
         return out, p, bar_t
 
-    def between(self, i: int, j: int) -> tuple[Array, Array]:
+    def of_nodes(self, i: int, j: int) -> tuple[Array, Array]:
         """Return the cotangents of nodes i, ..., j - 1, (j - i, costs, ny + nc), and of the parameters, (costs, k)."""
         sensitivity, costs, times = self.trajectory.sensitivity, len(self.weights), self._times(i, j)
         out, p = np.zeros((j - i, costs, sensitivity.ny + self.trajectory.n_carry)), np.zeros((costs, sensitivity.k))
-        if self.signals.fixed and len(times):  # the same matrix at all nodes
+        if self.signals.is_constant and len(times):  # the same matrix at all nodes
             by_y = self.signals.rows(i, float(self.t[times[0]]), self.points[times[0]])[:, : sensitivity.ny]
             common, times = times[self.at_nodes[times]], times[~self.at_nodes[times]]
             found = np.einsum("cnm,nd->mcd", self.weights[..., common], by_y)
             np.add.at(out[..., : sensitivity.ny], self.nodes[common] - i, found)
         for m in times:
-            at, by_p, _ = self._of_time(m)
-            out[self.nodes[m] - i] += at
+            bar, by_p, _ = self._of_time(m)
+            out[self.nodes[m] - i] += bar
             p += by_p
         return out, p
 
@@ -71,8 +71,8 @@ class NodeCotangents:
         bars = np.hstack([rows[:, :ny], np.zeros((costs, trajectory.n_carry))])
         if self.at_nodes[m]:
             return bars, rows[:, ny:-1], rows[:, -1]
-        at, by_p = trajectory.core.adjoint(trajectory.core.shortened_step(i, t), np.zeros((2, *bars.shape)), bars)
-        return at, rows[:, ny:-1] + by_p, np.zeros(costs)
+        bars, by_p = trajectory.core.adjoint(trajectory.core.shortened_step(i, t), np.zeros((2, *bars.shape)), bars)
+        return bars, rows[:, ny:-1] + by_p, np.zeros(costs)
 
 
 def adjoint_sweep(
@@ -86,23 +86,23 @@ def adjoint_sweep(
         end: the last step, if the run ended in a terminal event.
     """
     ny, i = trajectory.sensitivity.ny, len(trajectory.ts) - 1
-    bars, p, bar_t = node_cotangents.at(i)
+    bars, p, bar_t = node_cotangents.of_node(i)
     if not node_cotangents.used.any():  # the costs do not depend on the motion
         return bars[:, :ny], p
     while i > 0:
         last = end if i + 1 == len(trajectory.ts) else None
         if not last and (j := trajectory.core.segment_start(i)) < i:
             bars, by_p = _reverse_parts(list(trajectory.carry_restart_parts(i)), bars, ny)
-            at, more = _reverse_steps(trajectory, node_cotangents, trajectory.core.nodes(j, i), bars)
-            bars, i, p = at, j, p + by_p + more
+            bars, more = _reverse_steps(trajectory, node_cotangents, trajectory.core.nodes(j, i), bars)
+            i, p = j, p + by_p + more
             continue
         if last:
             fixed, by_p = last.of_fixed_step(bars[:, :ny].T, bars[:, ny:].T, bar_t)
             bars[:, :ny], p = fixed.T, p + by_p.T
-        bars, by_p = _reverse_parts(last.parts if last else list(trajectory.step_parts(i - 1)), bars, ny)
+        bars, by_p = _reverse_parts(last.step_parts if last else list(trajectory.step_parts(i - 1)), bars, ny)
         i -= 1
-        at, more, _ = node_cotangents.at(i)
-        bars, p = bars + at, p + by_p + more
+        node_bars, more, _ = node_cotangents.of_node(i)
+        bars, p = bars + node_bars, p + by_p + more
     bars, by_p = _reverse_parts(list(trajectory.start_parts()), bars, ny)
     return bars[:, :ny], p + by_p
 
@@ -111,9 +111,9 @@ def _reverse_steps(
     trajectory: Trajectory, node_cotangents: NodeCotangents, nodes: NodeRange, bars: Array
 ) -> tuple[Array, Array]:
     """Return the cotangents at the start of a range of compiled steps, and of the parameters."""
-    at, p = node_cotangents.between(nodes.steps.start, nodes.steps.stop)
-    bars, by_p = trajectory.core.adjoint(nodes, np.concatenate([at, np.zeros_like(bars)[None]]), bars)
-    return bars + at[0], p + by_p
+    node_bars, p = node_cotangents.of_nodes(nodes.steps.start, nodes.steps.stop)
+    bars, by_p = trajectory.core.adjoint(nodes, np.concatenate([node_bars, np.zeros_like(bars)[None]]), bars)
+    return bars + node_bars[0], p + by_p
 
 
 def _reverse_parts(parts: list[TrajectoryPart], bars: Array, ny: int) -> tuple[Array, Array]:

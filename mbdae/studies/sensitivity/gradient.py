@@ -101,11 +101,11 @@ class RunCost(NamedTuple):
 
 def run_cost(trajectory: Trajectory, cost: Cost) -> RunCost:
     """Evaluate a cost of a trajectory."""
-    sol, at = trajectory.sol, node_indices(trajectory.sol)
-    between = np.flatnonzero(sol.t != trajectory.ts[at])
+    sol, nodes = trajectory.sol, node_indices(trajectory.sol)
+    between = np.flatnonzero(sol.t != trajectory.ts[nodes])
     points = sol.y.copy() if len(between) else sol.y
     for k in between:
-        points[k] = trajectory.between(int(at[k]), float(sol.t[k]))
+        points[k] = trajectory.point_after(int(nodes[k]), float(sol.t[k]))
     value, weights = evaluated(cost, Signals(replace(sol, y=points)), len(sol.t))
     return RunCost(value, weights, points)
 

@@ -168,7 +168,7 @@ def named_values(factory: MechanismFactory, names: Names) -> dict[str, float]:
     return {name: parameter_value(factory, name) for name in name_list}
 
 
-def scaled(given: Any, default: Mapping[str, float]) -> Array:
+def checked_scales(given: Any, default: Mapping[str, float]) -> Array:
     """Return the typical changes of parameters, (k,), by default those of ``default``.
 
     Raises:

@@ -92,7 +92,7 @@ class Sensitivity(Tabular):
         """
         require(name, str, "a signal is given by its name")
         jacobian = SignalJacobian(self.trajectory, [name])
-        return np.array([jacobian.along(point)[0] for point in self._points])
+        return np.array([jacobian.directional_derivatives(point)[0] for point in self._points])
 
     def to_columns(self) -> Columns:
         """Return derivatives of q in the tangent and of v over time, ``d(q.crank)/d(force.spring.stiffness)``."""
@@ -274,7 +274,7 @@ def _at_time(trajectory: Trajectory, i: int, t: float, dy: Array, carry: Array, 
     if t == trajectory.ts[i]:
         return trajectory.ys[i], dy
     found = trajectory.core.tangent(trajectory.core.shortened_step(i, t), np.concatenate([dy, carry]).T, dp.T)
-    return trajectory.between(i, t), found[-1, :, : len(dy)].T
+    return trajectory.point_after(i, t), found[-1, :, : len(dy)].T
 
 
 def start_columns(trajectory: Trajectory) -> list[str]:

@@ -23,20 +23,20 @@ class EventTimeDerivative:
     """The last step, which ends in an event e(t, y, p) = 0, and the partial derivatives of e.
 
     Attributes:
-        parts: parts of the step.
+        step_parts: maps that make up the step, see `Trajectory.step_parts`.
         by_t: de/dt.
         by_y: de/dy, (ny,).
         by_p: de/dp, (k,).
     """
 
-    parts: list[TrajectoryPart]
+    step_parts: list[TrajectoryPart]
     by_t: float
     by_y: Array
     by_p: Array
 
     def forward(self, dy: Array, carry: Array, dp: Array, dh: Array) -> tuple[Array, Array]:
         """Return the tangents after the step, for tangents dh (m,) of its size."""
-        for part in self.parts:
+        for part in self.step_parts:
             size = () if isinstance(part, LinearMap) else (dh,)
             dy, carry = part.forward(dy, carry, dp, *size)
         return dy, carry
@@ -80,16 +80,15 @@ def terminal_event(trajectory: Trajectory, event: object) -> EventTimeDerivative
         )
     condition, s = getattr(event, "function", event), trajectory.system
     last, t, y = len(trajectory.ts) - 1, float(trajectory.ts[-1]), trajectory.ys[-1]
-    parts = list(trajectory.step_parts(last - 1))
+    step_parts = list(trajectory.step_parts(last - 1))
     if isinstance(condition, str):
         signal, level, _ = parse_level_crossing(condition)
         row = (row_of := SignalJacobian(trajectory, [signal])).rows(last, t, y)[0]
         residual = signal_value(s, row_of.signals[0], t, y) - level
         if row_of.signals[0].kind == "angle":
             residual -= TWO_PI * round(residual / TWO_PI)
-        return _require_transversal(
-            trajectory, EventTimeDerivative(parts, float(row[-1]), row[: s.ny], row[s.ny : -1]), condition, residual
-        )
+        end = EventTimeDerivative(step_parts, float(row[-1]), row[: s.ny], row[s.ny : -1])
+        return _require_transversal(trajectory, end, condition, residual)
     if not callable(condition):
         raise InputError(f"an event is a signal or a function of (t, q, v), got {condition!r:.60}")
 
@@ -99,7 +98,7 @@ def terminal_event(trajectory: Trajectory, event: object) -> EventTimeDerivative
     widths = WIDTH * np.append(s.mechanism.motion_scales, np.ones(s.ns + 1))
     by_t = numerical_derivative(lambda x: value(t + x, y), WIDTH / s.mechanism.characteristic_rate)
     by_y = numerical_jacobian(lambda x: value(t, s.add(y, x)), s.ny, widths)
-    end = EventTimeDerivative(parts, by_t, by_y, np.zeros(trajectory.sensitivity.k))
+    end = EventTimeDerivative(step_parts, by_t, by_y, np.zeros(trajectory.sensitivity.k))
     return _require_transversal(trajectory, end, function_name(condition), value(t, y))
 
 

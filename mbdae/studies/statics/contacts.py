@@ -23,7 +23,7 @@ from ...system import Array
 from ...tolerances import CLOSED, MODE_ROUNDING
 from .search import find_equilibrium
 
-CHANGES = 20  # largest number of changes of the mode per contact, plus as many: more indicate a cycle
+CHANGES = 20  # times the number of contacts plus one: more changes of the mode indicate a cycle
 
 
 class Contacts:

@@ -158,9 +158,7 @@ def _contains(mech: Mechanism, curve: Kinematics, q: Array) -> bool:
     return False
 
 
-def _supported_equilibria(
-    contacts: Contacts, fixed: Array, curve: Kinematics, s0: Array
-) -> Iterator[ContactBalance]:
+def _supported_equilibria(contacts: Contacts, fixed: Array, curve: Kinematics, s0: Array) -> Iterator[ContactBalance]:
     """Yield the equilibria along a curve that a contact supports, at zeros of its gap, and the normal force."""
     mech = curve.mechanism
     for k in range(len(contacts.switches)):
@@ -212,18 +210,18 @@ def _free_equilibria(statics: Statics, curve: Kinematics, s0: Array) -> Iterator
     """Yield the equilibria along a curve, at sign changes of the force along it."""
     manifold = statics.system.manifold
 
-    def along(q: Array, tangent: Array) -> float:
+    def tangential_force(q: Array, tangent: Array) -> float:
         rho, free = statics.residual_forces(statics.project(q, s0), s0)
         return float(np.sign((free.U @ tangent) @ (free.U @ free.Z[:, 0])) * rho[0])
 
     for _, q, tangents in _segments(curve):
-        values = [along(pose, tangent) for pose, tangent in zip(q, tangents, strict=True)]
+        values = [tangential_force(pose, tangent) for pose, tangent in zip(q, tangents, strict=True)]
         for i, (a, b) in enumerate(pairwise(values)):
             if a * b > 0 or b == 0:
                 continue
             x, tau = manifold.difference(q[i], q[i + 1]), tangents[i]
             try:
-                c = brentq(lambda c, q=q[i], x=x, tau=tau: along(manifold.integrate(q, c * x), tau), 0, 1)
+                c = brentq(lambda c, q=q[i], x=x, tau=tau: tangential_force(manifold.integrate(q, c * x), tau), 0, 1)
                 pose = statics.project(manifold.integrate(q[i], c * x), s0)
                 search = TrustRegion(statics, statics.point(pose, s0))
                 found = search.run("any")

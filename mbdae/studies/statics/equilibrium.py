@@ -241,7 +241,7 @@ def equilibrium(
 def complete_arguments(
     mech: Mechanism, q: Any, t: float, v: Any, hold: str | Iterable[str]
 ) -> tuple[Array, Array, Array, list[str]]:
-    """Return a closed start (nq,), speeds (nv,), the indices of locked velocities, and their names.
+    """Return an assembled start configuration (nq,), speeds (nv,), the indices of locked velocities, and their names.
 
     Raises:
         InputError, UnknownNameError: for wrong values or names.

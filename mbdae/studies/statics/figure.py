@@ -1,4 +1,4 @@
-"""Figure of a path of equilibria: the load factor over a coordinate."""
+"""Figure of a path of equilibria: the load factor against a coordinate."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ STYLES |= {"contact": ("contact closes", "v"), "separation": ("contact opens", "
 
 @fixed_layout
 def load_deflection(path: LoadPath, coordinate: str | None = None) -> "Figure":
-    """Draw the factor on the load over a coordinate; unstable equilibria dashed, critical points marked.
+    """Draw the factor on the load against a coordinate; unstable equilibria dashed, critical points marked.
 
     Raises:
         UnknownNameError: for a coordinate that does not exist.
@@ -41,10 +41,10 @@ def load_deflection(path: LoadPath, coordinate: str | None = None) -> "Figure":
         ax.plot(x[run], path.factor[run], label=label, **style)
         seen.add(dashed)
     for kind, (label, marker) in STYLES.items():
-        at = [e for e in path.critical if e.kind == kind]
-        positions = [float(x[np.abs(path.q - e.q).max(axis=1).argmin()]) for e in at]
-        if at:
-            ax.plot(positions, [e.factor for e in at], marker, color="black", label=label)
+        points = [e for e in path.critical if e.kind == kind]
+        positions = [float(x[np.abs(path.q - e.q).max(axis=1).argmin()]) for e in points]
+        if points:
+            ax.plot(positions, [e.factor for e in points], marker, color="black", label=label)
     ax.set_xlabel(escaped(f"{name} ({unit})"))
     ax.set_ylabel(escaped(f"factor on {path.load}"))
     ax.set_title(escaped(path.mechanism.title))

@@ -1,4 +1,4 @@
-"""Equilibria over a quasi-static load: load-deflection curves through limit points."""
+"""Equilibria under a quasi-statically varied load: load-deflection curves through limit points."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -91,7 +91,7 @@ class LoadPath(Tabular):
         return max(self.coordinates.items(), key=lambda item: float(np.ptp(item[1])))[0]
 
     def plot(self, path: str | Path | None = None, coordinate: str | None = None) -> "Figure":
-        """Draw the load over a coordinate, by default that with the largest range; saved if a path is given.
+        """Draw the load against a coordinate, by default that with the largest range; saved if a path is given.
 
         Raises:
             UnknownNameError: for a coordinate that does not exist.

@@ -29,10 +29,10 @@ NEAR_BALANCE = tol.INTERPOLATION  # fraction of the terms of forces: residual fr
 NEWTON_STEP = tol.THREE_DIGITS  # largest length of Newton's step at an equilibrium
 FLAT = tol.RANK  # smallest sigma without stiffness, relative to the force over the radius
 SYMMETRIC = tol.SAME_STATE  # largest asymmetry of H for forces with a potential, over its terms
-RELAXATIONS, SHORT = 3, 0.5  # number of steps that relax stiff springs, and their largest length over the step before
+RELAXATIONS, SHORT = 3, 0.5  # number of steps that relax stiff springs, and their largest length relative to the step
 HALVED = 0.5  # largest ratio of |rho| after and before a Newton step near equilibrium
 HALVINGS, REDUCTION = 4, 0.9  # number of lengths of a step to an equilibrium of any kind; largest ratio of |rho|
-ITERATIONS = 100
+MAX_ITERATIONS = 100
 
 
 @dataclass
@@ -68,12 +68,12 @@ class TrustRegion:
     def run(self, find: str) -> bool:
         """Iterate until forces balance, in a minimum unless ``find`` is any; return whether they balance."""
         self.best = self.statics.point(self.statics.project(self.best.q, self.best.s), self.best.s)
-        while self.iterations < ITERATIONS and self.radius > MIN_RADIUS:
+        while self.iterations < MAX_ITERATIONS and self.radius > MIN_RADIUS:
             if self.residual <= NEAR_BALANCE:
                 self.polish()
             if self.is_balanced():
-                low = self.divergent_direction()
-                if find == "any" or low is None or not self.leave_saddle(low):
+                direction = self.divergent_direction()
+                if find == "any" or direction is None or not self.leave_saddle(direction):
                     return True
             elif not (self.newton() if find == "any" else self.descend()):
                 break
@@ -98,7 +98,7 @@ class TrustRegion:
 
     def polish(self) -> None:
         """Take Newton steps as long as they are short and halve rho."""
-        while self.iterations < ITERATIONS and self.residual > tol.BELOW_ROUNDING:
+        while self.iterations < MAX_ITERATIONS and self.residual > tol.BELOW_ROUNDING:
             y = newton_step(self.best)
             trial = self.displace(y) if 0 < self.length(self.best, y) < START else None
             if trial is None or not np.linalg.norm(trial.rho) < HALVED * np.linalg.norm(self.best.rho):
@@ -108,7 +108,7 @@ class TrustRegion:
     def descend(self) -> bool:
         """Take one descent step; return False if none is found."""
         rho, H = self.best.rho, self.best.H
-        while self.radius > MIN_RADIUS and self.iterations < ITERATIONS:
+        while self.radius > MIN_RADIUS and self.iterations < MAX_ITERATIONS:
             y = step(self.best.free.Z / self.units[:, None], H, self.best.noise, rho, self.radius)
             trial = self.relax(self.displace(y), self.length(self.best, y))
             predicted = float(rho @ y - y @ H @ y / 2)
@@ -148,13 +148,13 @@ class TrustRegion:
             y /= 2
         return self.descend()
 
-    def leave_saddle(self, low: Array) -> bool:
+    def leave_saddle(self, direction: Array) -> bool:
         """Leave a saddle or a maximum, to the side where forces do positive work."""
-        length = self.length(self.best, low)
+        length = self.length(self.best, direction)
         radius = max(self.radius, START)
         while radius > MIN_RADIUS:
             for sign in (1.0, -1.0):
-                trial = self.displace(sign * radius / length * low)
+                trial = self.displace(sign * radius / length * direction)
                 if trial and self.work(trial) > 0:
                     self.best, self.radius = trial, radius
                     return True

@@ -1,4 +1,4 @@
-"""Figure of a sweep: a result over each parameter and its distribution, or over a grid of two."""
+"""Figure of a sweep: a result against each parameter and its distribution, or on a grid of two."""
 
 from typing import TYPE_CHECKING
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 COLUMNS = 3
 HEIGHT, MAP_HEIGHT = 2.1, 3.6  # inches of a row of panels, and of a heat map
-DECADES = 100.0  # smallest ratio of the largest to the smallest value on a logarithmic axis
-FEW_LARGE = 0.25  # largest median of values on a logarithmic axis, over their maximum
+MIN_RATIO = 100.0  # smallest ratio of the largest to the smallest value on a logarithmic axis
+MAX_MEDIAN = 0.25  # largest median of values on a logarithmic axis, relative to their maximum
 
 
 @fixed_layout
 def spread(sweep: Sweep, output: str | None = None) -> "Figure":
-    """Draw a result of every run over each numeric parameter, and its histogram; a grid over two as a heat map.
+    """Draw a result of every run against each numeric parameter, and its histogram; a grid over two as a heat map.
 
     Args:
         sweep: the table.
@@ -65,7 +65,7 @@ def _is_full_grid(sweep: Sweep, values: list[np.ndarray]) -> bool:
 
 
 def _panels(sweep: Sweep, parameters: list[str], y: np.ndarray, label: str, *, curve: bool) -> "Figure":
-    """Draw points over each parameter, or a curve over the only one, and the histogram."""
+    """Draw points against each parameter, or a curve against the only one, and the histogram."""
     known = np.isfinite(y)
     rows = -(-(len(parameters) + 1) // COLUMNS)
     figure = empty_figure(WIDTH, HEIGHT * rows + 0.3)
@@ -76,7 +76,7 @@ def _panels(sweep: Sweep, parameters: list[str], y: np.ndarray, label: str, *, c
         order = x.argsort() if curve else slice(None)
         ax.plot(x[order], y[known][order], ".-" if curve else ".", color=COLOURS[0], markersize=3, alpha=0.7)
         ax.set_xlabel(name)
-        if _over_decades(x):
+        if _spans_decades(x):
             logarithmic(ax.xaxis, 4)
         else:
             ax.locator_params(axis="x", nbins=3)
@@ -112,15 +112,16 @@ def _axis(sweep: Sweep, parameter: str, values: np.ndarray) -> tuple[np.ndarray,
     return x, escaped(f"{parameter} ({unit})" if unit else parameter)
 
 
-def _over_decades(x: np.ndarray) -> bool:
+def _spans_decades(x: np.ndarray) -> bool:
     """Return whether values span decades and most are small, as in a geometric series."""
-    large = x.max()
-    return bool(x.min() > 0 and large >= DECADES * x.min() and np.quantile(x, 0.5, method="lower") <= FEW_LARGE * large)
+    largest = x.max()
+    median = np.quantile(x, 0.5, method="lower")
+    return bool(x.min() > 0 and largest >= MIN_RATIO * x.min() and median <= MAX_MEDIAN * largest)
 
 
 def _cell_edges(axis: "Axis", x: np.ndarray) -> np.ndarray:
     """Return the edges between increasing values; the axis is logarithmic if they are spread over decades."""
-    many_decades = _over_decades(x)
+    many_decades = _spans_decades(x)
     if many_decades:
         logarithmic(axis)
         x = np.log(x)

@@ -29,15 +29,15 @@ class ResultCollector:
     def __init__(self, meta: dict[str, Any], path: Path | None, fresh: bool, progress: Progress | None) -> None:
         self.file = None if path is None else SweepFile(path, meta["kinds"], meta, fresh)
         self.meta, self.path, self.progress = meta, path, progress
-        self.parts = [self.file.results if self.file else results_of([])]
-        self.done, self.seconds = {*self.parts[0]["run"]}, dict[int, float]()
+        self.results = [self.file.results if self.file else results_of([])]
+        self.done, self.seconds = {*self.results[0]["run"]}, dict[int, float]()
 
     def record(self, batch: Runs, found: Sequence[FinishedRuns]) -> None:
         """Record the results and wall times of completed or failed runs of a batch, and report the progress."""
         if self.file and found:
             self.file.append(join_results([x.results for x in found]))
         for results, seconds in found:
-            self.parts.append(results)
+            self.results.append(results)
             self.done |= {*results["run"]}
             self.seconds |= dict.fromkeys(results["run"], seconds)
         if self.progress:
@@ -46,7 +46,7 @@ class ResultCollector:
 
     def finish(self) -> Sweep:
         """Return the table of finished runs; write the file if all are finished."""
-        result = Sweep(join_results(self.parts), self.meta, self.seconds, self.path)
+        result = Sweep(join_results(self.results), self.meta, self.seconds, self.path)
         if self.file and result.complete:
             self.file.finish(result.results)
         return result

@@ -40,8 +40,8 @@ def expand_patterns(factory: object, tolerances: Mapping[str, float]) -> tuple[d
 def _dimensions(factory: Template) -> Iterator[str]:
     """Yield the names of placements of joints, bodies and frames, and of lengths of closures."""
     spec = factory.spec({})
-    parts = zip(spec.file.source, spec.parts, strict=True)
-    joints = [f"joint.{source.prefix}{name}" for source, part in parts for name in joint_names(part.model)]
+    imported = zip(spec.file.source, spec.models, strict=True)
+    joints = [f"joint.{source.prefix}{name}" for source, m in imported for name in joint_names(m.model)]
     elements = [*(f"frame.{x.name}" for x in spec.file.frame), *(f"body.{x.name}" for x in spec.file.body), *joints]
     for name, entry, i in product(elements, ENTRIES, range(3)):
         yield f"{name}.{entry}.{i}"

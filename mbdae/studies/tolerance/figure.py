@@ -13,15 +13,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SMALL = 3.4  # width in inches, that of a column of a journal
+COLUMN_WIDTH = 3.4  # in inches, of a journal
 BAND = 0.06  # largest half-width of a magnified band, as a fraction of the extent of the path
-CUTOFF = 20.0  # largest drawn deviation over the median worst case: it grows without bound towards dead points
+CUTOFF = 20.0  # largest drawn deviation, in median worst cases: it grows without bound towards dead points
 WORST, STATISTICAL = ("0.85", "worst case"), (COLOURS[0], "statistical")
 
 
 @fixed_layout
 def bands(found: Tolerance) -> "Figure":
-    """Draw worst case, statistical deviation and the largest contributions over the input, and magnified bands."""
+    """Draw worst case, statistical deviation and the largest contributions against the input, and magnified bands."""
     m, paths = len(found.signals), found.paths()
     figure = empty_figure(WIDTH, 1.6 * m + 3.2 * len(paths) + 0.6)
     axes = figure.subplots(m + len(paths), 1, squeeze=False, height_ratios=[1.6] * m + [3.2] * len(paths))[:, 0]
@@ -36,7 +36,7 @@ def bands(found: Tolerance) -> "Figure":
 @fixed_layout
 def band(found: Tolerance, frame: str) -> "Figure":
     """Draw the path of a frame with its bands alone."""
-    figure = empty_figure(SMALL, 0.6 * SMALL)
+    figure = empty_figure(COLUMN_WIDTH, 0.6 * COLUMN_WIDTH)
     _path(figure.subplots(), found, frame)
     return figure
 
@@ -47,16 +47,16 @@ def _deviations(ax: "Axes", found: Tolerance, m: int, name: str) -> None:
     visible = np.where(worst > CUTOFF * np.nanmedian(worst), np.nan, 1.0)
     names, n_parameters = [*found.tolerances, *found.clearances], len(found.tolerances)
     largest = sorted(names.index(x.name) for x in found.contributions(name)[: len(COLOURS) - 1])
-    for number, segment in enumerate(found.curve.monotonic_segments):
+    for index, segment in enumerate(found.curve.monotonic_segments):
         u = displayed(found.curve.u[segment], input_unit)[0]
         for values, (colour, label), alpha in ((worst, WORST, 1.0), (found.statistical[m], STATISTICAL, 0.35)):
             shown = displayed((visible * values)[segment], unit)[0]
-            ax.fill_between(u, -shown, shown, color=colour, alpha=alpha, lw=0, label=None if number else label)
+            ax.fill_between(u, -shown, shown, color=colour, alpha=alpha, lw=0, label=None if index else label)
         for i, k in enumerate(largest):
             derivatives = found.influences.derivatives[m, :, k] if k < n_parameters else found.magnitudes[m, :, k]
             shown = displayed((visible * derivatives * found.sizes[k])[segment], unit)[0]
             style = curve_style(1 + i)
-            ax.plot(u, shown, label=None if number else escaped(names[k]), **style)
+            ax.plot(u, shown, label=None if index else escaped(names[k]), **style)
     for u, _ in found.curve.dead_points:
         ax.axvline(displayed(u, input_unit)[0], color="0.5", lw=0.7, ls=":")
     ax.set_ylabel(escaped(f"{name}\n({unit_name(unit)})"))

@@ -1,12 +1,12 @@
 """Influences of parameters and clearances on signals in each pose, and how far the linear analysis is valid.
 
-The rows are scaled by characteristic lengths and angles. Close to a dead point of the input the smallest singular value
-of G is du/ds, the change of the input u per arclength s of the curve of poses. A tolerance that changes the pose by
-alpha along the curve, to first order, changes it by the solution of
+The rows are scaled by characteristic lengths and angles. Close to a dead point of the input joint the smallest singular
+value of G is about |du/ds|, the change of the input u per arclength s of the curve of poses. A tolerance that changes
+the pose by alpha_0 along the curve to first order changes it by the solution a of
 
     u' alpha_0 = u' a + u''/2 a^2,    a = alpha_0 (1 - u'' alpha_0/(2 u') + ...)
 
-which does not exist if 2 |u'' alpha_0/u'| > 1: the mechanism may not assemble at this input.
+For one sign of alpha_0 it does not exist if 2 |u'' alpha_0/u'| > 1: the mechanism may not assemble at this input.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,7 +22,7 @@ from .clearances import Displacements, largest_axis_count
 
 @dataclass(frozen=True)
 class Influences:
-    """First-order influences on m signals in n poses; nan at dead points of the input and where closures lose rank.
+    """First-order influences on m signals in n poses; nan at dead points of the input joint and at rank losses of G.
 
     Attributes:
         values: the signals, (m, n).
@@ -62,7 +62,7 @@ def influences(signals: CurveSignals, names: Sequence[str], clearances: Mapping[
     along = np.einsum("ni,nik->nk", found.tangent / columns, dq)
     by_clearances = np.zeros((len(names), n, len(shifts), w))
     along_clearances, directions = np.zeros((n, len(shifts), w)), np.zeros((n, len(shifts)), int)
-    condition, scales, nulls = _rank(signals)
+    condition, scales, nulls = _condition_numbers(signals)
     for c, shift in enumerate(shifts):
         by_axis = np.array([shift.derivative(name) for name in names])
         change = -(poses.inverse @ shift.rows) / columns[:, None]
@@ -80,7 +80,7 @@ def influences(signals: CurveSignals, names: Sequence[str], clearances: Mapping[
     return Influences(values, derivatives, by_clearances, directions, along, along_clearances, condition)
 
 
-def _rank(signals: CurveSignals) -> tuple[Array, Array, list[Array]]:
+def _condition_numbers(signals: CurveSignals) -> tuple[Array, Array, list[Array]]:
     """Return condition numbers by pose, (n,), the scales of the rows, (ng,), and left null spaces, (ng, d) each."""
     system, found = signals.parameters.system, signals.curve
     scales = system.mechanism.row_scales

@@ -11,8 +11,8 @@ FEED, FEED_TEMPERATURE, COOLANT = 1.0, 1.3, 0.8  # concentration and temperature
 RATE, ACTIVATION, HEAT, TRANSFER = 0.5, 5.0, 0.6, 6.0
 
 
-def path(t: float) -> tuple[float, float]:
-    """Return the required temperature, and its rate."""
+def required_temperature(t: float) -> tuple[float, float]:
+    """Return the required temperature, and its rate of change."""
     return 1.2 - 0.2 * float(np.cos(t)), 0.2 * float(np.sin(t))
 
 
@@ -49,12 +49,12 @@ def controlled_reactor() -> Hessenberg:
     """
     return Hessenberg(
         f=f,
-        g=lambda t, y: np.array([y[1] - path(t)[0]]),
+        g=lambda t, y: np.array([y[1] - required_temperature(t)[0]]),
         g_y=lambda t, y: np.array([[0.0, 1.0]]),
         f_z=lambda t, y, z: np.array([[0.0], [-TRANSFER * np.exp(z[0]) * (y[1] - COOLANT)]]),
-        g_t=lambda t, y: np.array([-path(t)[1]]),
+        g_t=lambda t, y: np.array([-required_temperature(t)[1]]),
         f_y=f_y,
-        y0=(0.6, path(0.0)[0]),
+        y0=(0.6, required_temperature(0.0)[0]),
         z0=(-1.4,),
         name="controlled_reactor",
         title="Stirred tank reactor with a prescribed temperature",

@@ -9,7 +9,7 @@ __all__ = ["driven_circuit"]
 
 C1, C2, C3 = 1.0, 0.5, 1.0  # nF: node 1 to ground, between the nodes, node 2 to ground
 CONDUCTANCE, INDUCTANCE, RESISTANCE = 0.2, 2.0, 0.5  # node 2 to ground: mS; mH in series with kOhm
-SATURATION, THERMAL = 1e-3, 0.25  # mA and V of the diode at node 2
+SATURATION_CURRENT, THERMAL_VOLTAGE = 1e-3, 0.25  # mA and V, of the diode at node 2
 CAPACITANCE = np.array([[C1 + C2, -C2], [-C2, C2 + C3]])
 ELASTANCE = np.linalg.inv(CAPACITANCE)
 
@@ -21,8 +21,8 @@ def source(t: float) -> tuple[float, float]:
 
 def diode(u: float) -> tuple[float, float]:
     """Return the current of the diode, and its derivative."""
-    factor = SATURATION * np.exp(u / THERMAL)
-    return factor - SATURATION, factor / THERMAL
+    current = SATURATION_CURRENT * np.exp(u / THERMAL_VOLTAGE)
+    return current - SATURATION_CURRENT, current / THERMAL_VOLTAGE
 
 
 def f(t: float, y: Array, z: Array) -> Array:

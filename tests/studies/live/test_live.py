@@ -125,7 +125,7 @@ def test_the_page_is_moved_by_sliders_and_pointer(arm):
 
 def test_a_slow_page_draws_coarsely(monkeypatch):
     monkeypatch.setattr(frame_rate, "PERIOD", 0.2)
-    monkeypatch.setattr(frame_rate, "FEWEST_FRAMES", 1e4)  # a page that draws fewer counts as slow
+    monkeypatch.setattr(frame_rate, "MIN_FRAME_RATE", 1e4)  # a page that draws fewer counts as slow
     monkeypatch.setattr(live_scene, "COARSE", 600)
     with mbdae.live("slider_crank", speed=0.1) as view:
         before = sum(len(x.faces) for d in view._scene.drawables for x in d.solid.surfaces)

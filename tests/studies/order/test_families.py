@@ -41,8 +41,8 @@ def test_a_claim_of_one_order_more_is_refuted(name, monkeypatch):
 def test_steps_between_halvings_share_the_common_times():
     """Strides are even: own multipliers of methods with R(inf) = -1 alternate."""
     measure = Measurement(mbdae.load("pendulum"), 2.0, 10, None, lambda name: None, "auto")
-    assert measure.between([5, 10, 20, 40], 2, 5) == [30, 60]
-    assert measure.between([5, 10, 20, 30, 40, 60], 4, 5) == [50, 70, 90]
+    assert measure.intermediate_steps([5, 10, 20, 40], 2, 5) == [30, 60]
+    assert measure.intermediate_steps([5, 10, 20, 30, 40, 60], 4, 5) == [50, 70, 90]
 
 
 @pytest.mark.native

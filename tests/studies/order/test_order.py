@@ -14,7 +14,7 @@ from mbdae.methods import Tableau
 from mbdae.methods.variational import NewtonMethod
 from mbdae.studies.order import gradients, measurement
 from mbdae.studies.order.measurement import LARGEST_RUN, MIN_OUTPUTS, Measurement
-from mbdae.studies.order.rates import above, asymptotic, done, fit
+from mbdae.studies.order.rates import asymptotic, count_above_floors, fit, is_complete
 from mbdae.textbook.problems import TEXTBOOK, hessenberg_a
 
 REGULAR_ON_A = ("herk1", "herk2", "herk3", "pherk3", "kutta3", "rk4", "rule38", "radau1", "radau3")
@@ -196,14 +196,14 @@ def test_an_error_of_two_orders_is_judged_by_the_lower_one_or_not_at_all(p, high
 
 
 def test_rules():
-    assert above([1.0, 0.1, 1e-9, 1.0], [1e-3] * 4) == 2  # an error that rose from the floor does not count
+    assert count_above_floors([1.0, 0.1, 1e-9, 1.0], [1e-3] * 4) == 2  # not the one that rose from the floor
     errors = 2.0 ** -np.arange(0, 10, 2)
     ns = [10 * 2**i for i in range(10)]
-    assert done(ns, errors, np.zeros(5))
-    assert not done(ns, errors[:4], np.zeros(4))
-    assert done(ns, [1.0, 1e-9], [1e-3, 1e-3])
+    assert is_complete(ns, errors, np.zeros(5))
+    assert not is_complete(ns, errors[:4], np.zeros(4))
+    assert is_complete(ns, [1.0, 1e-9], [1e-3, 1e-3])
     mixed = np.array([10, 20, 30, 40, 60])
-    assert done(mixed, mixed**-8.0, np.zeros(5)), "rates of unequal refinements agree"
+    assert is_complete(mixed, mixed**-8.0, np.zeros(5)), "rates of unequal refinements agree"
     noisy = [*3.0 ** -np.arange(6), 3.0**-5, 3.0**-5.5]
     assert asymptotic(ns, noisy) == 6, "what is added up of rounding"
     assert asymptotic(ns, 3.0 ** -np.arange(8)) == 8

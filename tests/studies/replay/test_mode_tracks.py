@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 import mbdae
-from mbdae.studies.replay.mode_tracks import mark_parts, mode_legend, mode_tracks_of
+from mbdae.studies.replay.mode_tracks import mark_drawables, mode_legend, mode_tracks_of
 
 
 def marked(model, end):
@@ -78,8 +78,8 @@ def test_nothing_is_marked_where_nothing_switches():
 def sizes(model, span, times):
     """Scales of the marks of a run at the times of their keys, by name."""
     sol = mbdae.solve(mbdae.load(model), span, t_eval=times)
-    moving = mark_parts(mode_tracks_of(sol, sol(times)[0]), times, 1.0, 0.01)
-    return {p.name: m["scale"] for p, m in zip(moving.parts, moving.motions, strict=True)}
+    moving = mark_drawables(mode_tracks_of(sol, sol(times)[0]), times, 1.0, 0.01)
+    return {p.name: m["scale"] for p, m in zip(moving.drawables, moving.motions, strict=True)}
 
 
 def test_marks_of_a_replay_that_begins_within_a_run():

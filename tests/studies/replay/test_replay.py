@@ -227,7 +227,7 @@ def test_wrong_names_are_rejected(sol, tmp_path, options, words):
 
 def test_a_notebook_is_not_filled_beyond_measure(sol, monkeypatch):
     assert sol._repr_html_().startswith("<iframe srcdoc=")
-    monkeypatch.setattr(replay, "NOTEBOOK", 1e5)
+    monkeypatch.setattr(replay, "MAX_NOTEBOOK_TEXT", 1e5)
     text = sol._repr_html_()
     assert len(text) < 400
     assert "mbdae.animate(sol, 'run.html') writes it" in text

@@ -47,9 +47,9 @@ def test_by_its_size(make, options):
     t, h = float(trajectory.ts[i + 1]), float(trajectory.ts[i + 1] - trajectory.ts[i])
     zero = np.zeros((s.ny, 1)), np.zeros((trajectory.n_carry, 1)), np.zeros((0, 1))
     found = NativeStep(trajectory.core, i).forward(*zero, np.ones(1))[0][:, 0]
-    end = trajectory.between(i, t)
+    end = trajectory.point_after(i, t)
     expected = finite_differences.numerical_derivative(
-        lambda x: s.difference(end, trajectory.between(i, t + x)), WIDTH * h
+        lambda x: s.difference(end, trajectory.point_after(i, t + x)), WIDTH * h
     )
     size = 1 + np.abs(expected).max()
     np.testing.assert_allclose(found, expected, rtol=0, atol=2e-10 * size)

@@ -20,7 +20,7 @@ Radii = tuple[float, float]
 
 
 class BevelClosure(FixedAxisClosure):
-    """1 row: wheels about intersecting axes do not slip on each other: r_a w_a = -r_b w_b on their carrier.
+    """1 row: wheels about intersecting axes do not slip on each other: r_a w_a = -r_b w_b relative to their carrier.
 
     The axes must intersect at a constant angle.
 

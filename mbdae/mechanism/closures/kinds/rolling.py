@@ -14,7 +14,7 @@ from ..closure import Axis, UnilateralClosure, Vector
 from ..contact import ContactHeightRow, ConvexBody, NoSlipRows
 from ..rows import unit_axis
 
-GRIPS = {"full": (0.0, pi / 2), "longitudinal": (0.0,), "lateral": (pi / 2,), "none": ()}
+NO_SLIP_ANGLES = {"full": (0.0, pi / 2), "longitudinal": (0.0,), "lateral": (pi / 2,), "none": ()}
 
 
 class RollingClosure(UnilateralClosure):
@@ -78,10 +78,10 @@ class RollingClosure(UnilateralClosure):
         return self
 
     @property
-    def tangents(self) -> tuple[float, ...]:
+    def no_slip_angles(self) -> tuple[float, ...]:
         """No-slip directions: angles in rad from forwards to the left."""
         grip = "full" if self.grip is None else self.grip
-        return GRIPS[grip] if isinstance(grip, str) else (grip,)
+        return NO_SLIP_ANGLES[grip] if isinstance(grip, str) else (grip,)
 
     @property
     def shape(self) -> ConvexBody:
@@ -95,7 +95,7 @@ class RollingClosure(UnilateralClosure):
 
     def primitives(self) -> tuple[ContactHeightRow | NoSlipRows, ...]:
         height = () if self.contact is False else (ContactHeightRow(self.shape),)
-        return (*height, NoSlipRows(self.shape, self.tangents)) if self.tangents else height
+        return (*height, NoSlipRows(self.shape, self.no_slip_angles)) if self.no_slip_angles else height
 
     @property
     def has_precondition(self) -> bool:

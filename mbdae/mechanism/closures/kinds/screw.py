@@ -50,15 +50,15 @@ class ScrewClosure(FixedAxisClosure):
 
 
 class Screw(LineRows):
-    """b advances along an axis of a, (3,), by ``lead`` in m per radian of its rotation about it."""
+    """b advances along an axis of a, (3,), by `advance` in m per radian of its rotation about it."""
 
     m = 1
 
-    def __init__(self, axis: Array, lead: float) -> None:
-        self.axis, self.lead = axis[:, None], lead
+    def __init__(self, axis: Array, advance: float) -> None:
+        self.axis, self.advance = axis[:, None], advance
 
     def core_data(self) -> list[CoreData]:
-        return [{"kind": "screw", "a": self.axis[:, 0].tolist(), "length": self.lead}]
+        return [{"kind": "screw", "a": self.axis[:, 0].tolist(), "length": self.advance}]
 
     def lines(self, pair: Pair) -> Lines:
         e = pair.Ra.dot(self.axis)

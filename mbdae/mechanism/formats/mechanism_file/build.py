@@ -18,26 +18,28 @@ from .inertias import checked_inertia
 from .schema import MechanismFile
 
 
-def build(file: MechanismFile, parts: Sequence[ImportedModel], name: str) -> tuple[pin.Model, pin.GeometryModel | None]:
+def build(
+    file: MechanismFile, models: Sequence[ImportedModel], name: str
+) -> tuple[pin.Model, pin.GeometryModel | None]:
     """Return the model and its visuals, with sources, extra bodies and frames, replaced joints and locked joints.
 
     Args:
         file: the mechanism file.
-        parts: its imported sources.
+        models: the imported models of its sources.
         name: name of the model.
 
     Raises:
         UnknownNameError: for an unknown frame or joint.
         InputError: for a duplicate name, circular parents of frames, or numbers that are not finite.
     """
-    tree = Tree(parts[0].model.name if len(parts) == 1 else name)
-    _attach(tree, file, parts)
+    tree = Tree(models[0].model.name if len(models) == 1 else name)
+    _attach(tree, file, models)
     tree.model.gravity.linear = np.array(file.gravity)
     if not (tree.model.nv or file.flexible):
         raise InputError(f"{name} has no joints that move; a URDF gets one by free_flyer = true in a mechanism file")
     require_finite(tree.model)
     require_printable_names(tree.model)
-    normals = {s.prefix + n: axis for s, p in zip(file.source, parts, strict=True) for n, axis in p.normals.items()}
+    normals = {s.prefix + n: axis for s, m in zip(file.source, models, strict=True) for n, axis in m.normals.items()}
     model, visuals = resolve_joints(tree.model, tree.visuals, file.joint_type, file.lock, normals)
     model, visuals = _with_flexible_bodies(model, visuals, file.flexible)
     return model, visuals if visuals is not None and len(visuals.geometryObjects) else None
@@ -49,9 +51,9 @@ def _with_flexible_bodies(
     """Return the model with flexible bodies, in depth-first order."""
     for x in tables:
         parent = find_frame(model, x.parent)
-        at = parent.placement * placement(x)
+        pose_in_joint = parent.placement * placement(x)
         joint = None if x.joint == "fixed" else _joint(x)
-        attach_flexible(model, x.name, modal_body_of(x), joint, parent.parentJoint, at)
+        attach_flexible(model, x.name, modal_body_of(x), joint, parent.parentJoint, pose_in_joint)
     if not tables:
         return model, visuals
     bodies = model.flexible
@@ -60,9 +62,9 @@ def _with_flexible_bodies(
     return model, visuals
 
 
-def _attach(tree: Tree, file: MechanismFile, parts: Sequence[ImportedModel]) -> None:
+def _attach(tree: Tree, file: MechanismFile, models: Sequence[ImportedModel]) -> None:
     """Attach sources, bodies and frames, each after its parent frame."""
-    waiting: list[tuple[Source | Frame, ImportedModel | None]] = [*zip(file.source, parts, strict=True)]
+    waiting: list[tuple[Source | Frame, ImportedModel | None]] = [*zip(file.source, models, strict=True)]
     waiting += [(x, None) for x in (*file.body, *file.frame)]
     known = set(frame_names(tree.model))
     while waiting:
@@ -70,15 +72,15 @@ def _attach(tree: Tree, file: MechanismFile, parts: Sequence[ImportedModel]) -> 
         if not ready:
             _raise_unattached(waiting, frame_names(tree.model), file.flexible)
         waiting = [pair for pair in waiting if pair[0].parent not in known]
-        for x, part in ready:
+        for x, imported in ready:
             if isinstance(x, Frame):
                 if x.name in known or x.name == "universe":
                     raise InputError(f"the name {x.name!r} is taken: frames and bodies need different names")
                 _add(tree.model, x)
                 known.add(x.name)
-            elif part is not None:
+            elif imported is not None:
                 parent = find_frame(tree.model, x.parent)
-                tree.graft(part.model, part.visuals, parent=parent, placement=placement(x), prefix=x.prefix)
+                tree.graft(imported.model, imported.visuals, parent=parent, placement=placement(x), prefix=x.prefix)
                 known.update(frame_names(tree.model))
 
 

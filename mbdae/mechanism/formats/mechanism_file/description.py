@@ -25,8 +25,8 @@ def describe(mech: Mechanism) -> JsonObject:
     """Return the description of a mechanism for a saved solution as JSON data, with only the names of functions."""
     functions = _functions(mech)
     if mech.source:
-        parts = [part.record() for part in mech.source["parts"]]
-        return {**mech.source, "file": _recorded(mech.source["file"]), "parts": parts, "functions": functions}
+        models = [x.record() for x in mech.source["parts"]]
+        return {**mech.source, "file": _recorded(mech.source["file"]), "parts": models, "functions": functions}
     file = MechanismFile(
         title=mech.title,
         closure=mech.closures,
@@ -59,7 +59,13 @@ class _PythonForce(Table):
 
 
 class _Parameter(Table):
-    """A parameter of a mechanism.py: its value, and a description of its type."""
+    """A parameter of a mechanism.py; its keys are those of saved solutions.
+
+    Attributes:
+        name: name of the parameter.
+        value: its value.
+        takes: description of its type.
+    """
 
     name: str
     value: Any
@@ -67,7 +73,7 @@ class _Parameter(Table):
 
 
 class _Description(Table):
-    """Result of `describe`: a file with its sources, or with a model."""
+    """Result of `describe`: a file with the imported models of its sources (key ``parts``), or with a model."""
 
     name: str
     file: MechanismFile
@@ -92,8 +98,9 @@ def restore(description: Mapping[str, object], meshes: Sequence[Path] = ()) -> M
     unavailable = [(f.at, _unavailable_force(f.name, f.states)) for f in d.functions]
     if d.model is None:
         parameters = [p.model_dump() for p in d.parameters]
-        parts = [restored(r, meshes) for r in d.parts]
-        return make(ModelSpec(d.file, d.name, parts, d.motors, d.left_out, parameters), [law for _, law in unavailable])
+        models = [restored(r, meshes) for r in d.parts]
+        spec = ModelSpec(d.file, d.name, models, d.motors, d.left_out, parameters)
+        return make(spec, [law for _, law in unavailable])
     forces: list[Any] = list(d.file.force)
     for at, law in unavailable:
         forces.insert(at, law)

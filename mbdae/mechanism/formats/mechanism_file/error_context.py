@@ -17,26 +17,26 @@ Known: TypeAlias = dict[str, list[str]]  # valid names of each kind
 
 
 @contextmanager
-def with_error_context(path: str, file: MechanismFile, parts: Sequence[ImportedModel]) -> Iterator[None]:
+def with_error_context(path: str, file: MechanismFile, models: Sequence[ImportedModel]) -> Iterator[None]:
     """Add the path of a file to errors, and report all unknown names together; no effect without a path.
 
     Args:
         path: path of the file.
         file: its contents.
-        parts: its imported sources.
+        models: the imported models of its sources.
     """
     try:
         yield
     except MbdaeError as e:
         if path:
-            unknown = _unknown(e, file, parts) if isinstance(e, UnknownNameError) else []
+            unknown = _unknown(e, file, models) if isinstance(e, UnknownNameError) else []
             e.args = (printable(f"{path}: {'; '.join(unknown) or e}"),)
         raise
 
 
-def _unknown(e: UnknownNameError, file: MechanismFile, parts: Sequence[ImportedModel]) -> list[str]:
+def _unknown(e: UnknownNameError, file: MechanismFile, models: Sequence[ImportedModel]) -> list[str]:
     """Return messages on all unknown names, by kind, with the valid names of each kind."""
-    known, out = _known(file, parts), list[str]()
+    known, out = _known(file, models), list[str]()
     references = _invalid_references(e, file, known)
     for kind in dict.fromkeys(kind for kind, *_ in references):
         valid = e.valid if kind == e.kind != "frame" else known[kind]  # frames are resolved successively
@@ -57,19 +57,19 @@ def _fault(fault: UnknownNameError, file: MechanismFile, known: Known) -> str:
     return f"joint {fault.name!r} is locked" if is_locked else fault.what
 
 
-def _known(file: MechanismFile, parts: Sequence[ImportedModel]) -> Known:
+def _known(file: MechanismFile, models: Sequence[ImportedModel]) -> Known:
     """Return the valid names of each kind in a file."""
-    sources = list(zip((s.prefix for s in file.source), parts, strict=True))
-    joints = [prefix + n for prefix, part in sources for n in joint_names(part.model)]
+    sources = list(zip((s.prefix for s in file.source), models, strict=True))
+    joints = [prefix + n for prefix, m in sources for n in joint_names(m.model)]
     joints += [body.name for body in file.body if body.joint != "fixed"]
-    frames = [prefix + n for prefix, part in sources for n in frame_names(part.model)[1:]]
-    named = [part.prefixed(prefix) for prefix, part in sources]
-    closures = [c.name for part in named for c in (*part.closures, *mimic_couplings(part.mimics, {}, joints)[0])]
+    frames = [prefix + n for prefix, m in sources for n in frame_names(m.model)[1:]]
+    named = [m.prefixed(prefix) for prefix, m in sources]
+    closures = [c.name for m in named for c in (*m.closures, *mimic_couplings(m.mimics, {}, joints)[0])]
     return {
         "joint": joints,
-        "frame": [WORLD, *frames, *(x.name for part in named for x in part.frames), *_names(file.body, file.frame)],
+        "frame": [WORLD, *frames, *(x.name for m in named for x in m.frames), *_names(file.body, file.frame)],
         "closure": [*closures, *_names(file.closure)],
-        "motor": [motor.name for part in named for motor in part.motors],
+        "motor": [motor.name for m in named for motor in m.motors],
     }
 
 

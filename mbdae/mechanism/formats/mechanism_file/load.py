@@ -88,9 +88,9 @@ def load(
     if spec.remarks:
         warnings.warn(not_carried_over(spec.name, spec.remarks), stacklevel=2)
     label = "" if forces or any(more.values()) else _label(path)
-    with with_error_context(label, spec.file, spec.parts):
+    with with_error_context(label, spec.file, spec.models):
         mech = make(spec, [f for f in forces if not isinstance(f, FORCES)])
-    if spec.file.start.assemble and any(p.start.guess for p in spec.parts):
+    if spec.file.start.assemble and any(m.start.guess for m in spec.models):
         _warn_if_violated(mech, spec.name)
     return mech
 
@@ -101,7 +101,7 @@ class ModelSpec(NamedTuple):
     Attributes:
         file: the mechanism file, merged with its sources.
         name: name of the model.
-        parts: the imported sources.
+        models: the imported models of its sources.
         motors: named inputs.
         left_out: features of the files that are not supported.
         parameters: name, value and description of the type of each parameter of a mechanism.py.
@@ -110,7 +110,7 @@ class ModelSpec(NamedTuple):
 
     file: MechanismFile
     name: str
-    parts: Sequence[ImportedModel]
+    models: Sequence[ImportedModel]
     motors: Sequence[Motor]
     left_out: Sequence[str]
     parameters: Sequence[dict[str, Any]]
@@ -145,9 +145,9 @@ def read(
     sources = tuple(_with_options(s, free_flyer or file.free_flyer, key) for s in file.source)
     from_files = {"flexible": with_data(file.flexible, found), "force": with_fmu_paths(file.force, found)}
     file = file.model_copy(update={"source": sources, **from_files})
-    parts = [read_source(s, found.parent) for s in file.source]
-    with with_error_context(label, file, parts):
-        file = in_si(file, parts, name)
+    models = [read_source(s, found.parent) for s in file.source]
+    with with_error_context(label, file, models):
+        file = in_si(file, models, name)
     added = dict(more or {})
     update = {
         "start": file.start if assemble else file.start.model_copy(update={"assemble": False}),
@@ -155,9 +155,9 @@ def read(
         **{table: (*getattr(file, table), *entries) for table, entries in added.items()},
     }
     file = file.model_copy(update=update)
-    with with_error_context("" if any((more or {}).values()) else label, file, parts):
-        file, motors, left_out, remarks = merge_sources(file, parts)
-    return ModelSpec(file, name, parts, motors, left_out, chosen, remarks)
+    with with_error_context("" if any((more or {}).values()) else label, file, models):
+        file, motors, left_out, remarks = merge_sources(file, models)
+    return ModelSpec(file, name, models, motors, left_out, chosen, remarks)
 
 
 def _label(path: object) -> str:
@@ -226,9 +226,9 @@ def make(spec: ModelSpec, functions: Sequence[object] = (), *, recorded: bool = 
         UnknownNameError, InputError: for inconsistent input.
     """
     file, name = spec.file, spec.name
-    if not (spec.parts or file.body or file.flexible):
+    if not (spec.models or file.body or file.flexible):
         raise InputError(f"{name}: a mechanism needs a source, a [[body]] or a [[flexible]]")
-    model, visuals = build(file, spec.parts, name)
+    model, visuals = build(file, spec.models, name)
     source = _source(spec) if recorded else None
     rest = {"visuals": visuals, "source": source, "motors": spec.motors}
     rest |= {"left_out": spec.left_out, "remarks": spec.remarks}
@@ -243,7 +243,7 @@ def _source(spec: ModelSpec) -> dict[str, Any]:
     return {
         "name": spec.name,
         "file": table_of(spec.file),
-        "parts": [replace(p, visuals=None) for p in spec.parts],  # meshes are large, and read again when a run is saved
+        "parts": [replace(m, visuals=None) for m in spec.models],  # meshes are large, and read again when saved
         "motors": [list(m) for m in spec.motors],
         "left_out": list(spec.left_out),
         "parameters": list(spec.parameters),

@@ -46,8 +46,10 @@ def parameter_value(template: Template, name: str) -> float:
     spec = template.spec({})
     given = {p["name"]: p["value"] for p in spec.parameters}
     if name in given and name not in template.parameters:
-        raise InputError(f"{name!r} is a parameter of {spec.name}, and a loaded mechanism has only its tables: "
-                         "give the file itself, model=")
+        raise InputError(
+            f"{name!r} is a parameter of {spec.name}, and a loaded mechanism has only its tables: "
+            "give the file itself, model="
+        )
     entry: Any = given.get(name, spec.file)
     if name not in given:
         template.check({name: 0.0})
@@ -65,9 +67,9 @@ def parameter_value(template: Template, name: str) -> float:
 
 def joint_entry(spec: ModelSpec, path: str) -> tuple[Body, str]:
     """Return the joint of a source as a body table, and the key within it."""
-    for source, part in zip(spec.file.source, spec.parts, strict=True):
-        names = [source.prefix + n for n in joint_names(part.model)]
+    for source, m in zip(spec.file.source, spec.models, strict=True):
+        names = [source.prefix + n for n in joint_names(m.model)]
         if any(path.startswith(f"{n}.") for n in names):
             joint, rest = split_joint(path, names)
-            return as_body(part.model, joint.removeprefix(source.prefix)), rest
+            return as_body(m.model, joint.removeprefix(source.prefix)), rest
     raise InputError(f"no source has joint.{path}")

@@ -16,7 +16,7 @@ from .schema import MechanismFile
 
 
 def merge_sources(
-    file: MechanismFile, parts: Sequence[ImportedModel]
+    file: MechanismFile, models: Sequence[ImportedModel]
 ) -> tuple[MechanismFile, tuple[Motor, ...], tuple[str, ...], tuple[str, ...]]:
     """Merge the contents of the sources into the mechanism file, which has priority.
 
@@ -27,15 +27,15 @@ def merge_sources(
         UnknownNameError: for a motor that does not exist.
         InputError: for a locked mimic joint whose leader is not locked, or different gravities.
     """
-    named = [p.prefixed(s.prefix) for s, p in zip(file.source, parts, strict=True)]
-    joints = [s.prefix + n for s, p in zip(file.source, parts, strict=True) for n in joint_names(p.model)]
-    couplings, lock = mimic_couplings(tuple(chain.from_iterable(p.mimics for p in named)), file.lock, joints)
+    named = [m.prefixed(s.prefix) for s, m in zip(file.source, models, strict=True)]
+    joints = [s.prefix + n for s, m in zip(file.source, models, strict=True) for n in joint_names(m.model)]
+    couplings, lock = mimic_couplings(tuple(chain.from_iterable(m.mimics for m in named)), file.lock, joints)
     gravity = _gravity(file, named)
-    motors = {m.name: m for m in chain.from_iterable(p.motors for p in named)}
+    motors = {x.name: x for x in chain.from_iterable(m.motors for m in named)}
     from_sources: dict[str, Iterable[Any]] = {
-        "frame": chain.from_iterable(p.frames for p in named),
-        "closure": (*chain.from_iterable(p.closures for p in named), *couplings),
-        "driver": chain.from_iterable(p.drivers for p in named),
+        "frame": chain.from_iterable(m.frames for m in named),
+        "closure": (*chain.from_iterable(m.closures for m in named), *couplings),
+        "driver": chain.from_iterable(m.drivers for m in named),
         "force": (*_forces(named, gravity), *_motor_torques(motors, _controls(file, named))),
     }
     update = {
@@ -48,29 +48,29 @@ def merge_sources(
     return file.model_copy(update=update), tuple(motors.values()), *_left_out(file, named)
 
 
-def _start(file: MechanismFile, parts: Sequence[ImportedModel], changed: Collection[str]) -> Start:
+def _start(file: MechanismFile, models: Sequence[ImportedModel], changed: Collection[str]) -> Start:
     """Return the start values of unchanged joints of the sources, overridden by start values of the file."""
     tables = {}
     for key, table in file.start.tables.items():
-        old = {n: x for p in parts for n, x in p.start.tables[key].items() if n not in changed}
+        old = {n: x for m in models for n, x in m.start.tables[key].items() if n not in changed}
         tables[key] = {**old, **table}
     return file.start.model_copy(update=tables)
 
 
-def _forces(parts: Sequence[ImportedModel], gravity: Sequence[float]) -> Iterator[Any]:
-    for part in parts:
-        yield from part.forces
-        yield from _weight_compensation(part.weightless, gravity)
+def _forces(models: Sequence[ImportedModel], gravity: Sequence[float]) -> Iterator[Any]:
+    for m in models:
+        yield from m.forces
+        yield from _weight_compensation(m.weightless, gravity)
 
 
-def _controls(file: MechanismFile, parts: Sequence[ImportedModel]) -> dict[str, Any]:
-    return {**dict(chain.from_iterable(p.controls.items() for p in parts)), **file.motor}
+def _controls(file: MechanismFile, models: Sequence[ImportedModel]) -> dict[str, Any]:
+    return {**dict(chain.from_iterable(m.controls.items() for m in models)), **file.motor}
 
 
-def _left_out(file: MechanismFile, parts: Sequence[ImportedModel]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _left_out(file: MechanismFile, models: Sequence[ImportedModel]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the features of the sources that are not carried over, and the features that deserve a warning."""
     used = {LIMITS: {s.joint for s in file.stop if s.limits}, FRICTION: set(_with_friction(file))}
-    phrases = [(s, _without_used(text, used)) for s, p in zip(file.source, parts, strict=True) for text in p.left_out]
+    phrases = [(s, _without_used(text, used)) for s, m in zip(file.source, models, strict=True) for text in m.left_out]
     return tuple(x for _, x in phrases if x), tuple(x for s, x in phrases if x and not s.quiet)
 
 
@@ -100,8 +100,8 @@ def _motor_torques(motors: Mapping[str, Motor], controls: Mapping[str, object]) 
     return [JointTorque(torque=controls.get(m.name, 0.0), **m._asdict()) for m in active]
 
 
-def _gravity(file: MechanismFile, parts: Sequence[ImportedModel]) -> tuple[float, ...]:
-    given = list(dict.fromkeys(p.gravity for p in parts if p.gravity))
+def _gravity(file: MechanismFile, models: Sequence[ImportedModel]) -> tuple[float, ...]:
+    given = list(dict.fromkeys(m.gravity for m in models if m.gravity))
     if "gravity" in file.model_fields_set or not given:
         return file.gravity
     if len(given) > 1:

@@ -121,15 +121,15 @@ class Template:
         spec, first = self.spec(file_parameters), self._first(_as_text(file_parameters))
         if not changed:
             return first
-        file, parts = spec.file, spec.parts
+        file, models = spec.file, spec.models
         joint_values = {n.removeprefix("joint."): x for n, x in changed.items() if n.startswith("joint.")}
         if joint_values:
-            parts = [_with_joint_values(p, s.prefix, joint_values) for p, s in zip(parts, file.source, strict=True)]
+            models = [_with_joint_values(m, s.prefix, joint_values) for m, s in zip(models, file.source, strict=True)]
         values = {n: x for n, x in changed.items() if not n.startswith("joint.")}
         nested = any(n != other and n.startswith(f"{other}.") for n in values for other in values)
         for group in [{n: x} for n, x in values.items()] if nested else [values]:
             file = with_entries(file, {n: (n, x) for n, x in group.items()})
-        return variant(first, **self._changed_arguments(changed, spec._replace(file=file, parts=parts), first))
+        return variant(first, **self._changed_arguments(changed, spec._replace(file=file, models=models), first))
 
     def _changed_arguments(self, changed: Iterable[str], spec: ModelSpec, first: Mechanism) -> dict[str, Any]:
         """Return the changed arguments of `Mechanism`; the model is rebuilt only if bodies change."""
@@ -138,7 +138,7 @@ class Template:
         if "force" in tables:
             out["forces"] = [*file.force, *self.functions]
         if not tables.isdisjoint(("body", "flexible", "frame", "joint")):
-            out["model"], out["visuals"] = build(file, spec.parts, spec.name)
+            out["model"], out["visuals"] = build(file, spec.models, spec.name)
         elif "gravity" in tables:
             out["model"] = copy_model(first.model)
             out["model"].gravity.linear = np.array(file.gravity)
@@ -156,8 +156,8 @@ def _check_order(names: Sequence[str]) -> None:
 
 def _check_joint(spec: ModelSpec, name: str, rest: str) -> None:
     """Reject an invalid name of a parameter of a joint, or of a body of the mechanism file."""
-    sources = zip(spec.file.source, spec.parts, strict=True)
-    joints, joint = [s.prefix + n for s, p in sources for n in joint_names(p.model)], rest.partition(".")[0]
+    sources = zip(spec.file.source, spec.models, strict=True)
+    joints, joint = [s.prefix + n for s, m in sources for n in joint_names(m.model)], rest.partition(".")[0]
     if joint not in joints and joint in [b.name for b in spec.file.body]:
         raise InputError(f"{name!r}: {joint} is a body of the file, name body.{rest}")
     split_joint(rest, joints)
@@ -196,17 +196,17 @@ def with_start(mech: Mechanism, values: Mapping[str, object]) -> Mechanism:
 
 def _check_path(file: MechanismFile, name: str) -> None:
     """Reject a dotted path into the tables of a file that is invalid, or ends at a table."""
-    at: Any = file
+    entry: Any = file
     rest = name
     while rest:
-        key, rest = first_key(at, rest, name)
-        if isinstance(at, dict) and key not in at:
-            raise UnknownNameError(f"entry of {name.removesuffix(key).rstrip('.')}", key, at)
-        at = entry_at(at, key)
-    if isinstance(at, Constant):  # a number as a function of time
+        key, rest = first_key(entry, rest, name)
+        if isinstance(entry, dict) and key not in entry:
+            raise UnknownNameError(f"entry of {name.removesuffix(key).rstrip('.')}", key, entry)
+        entry = entry_at(entry, key)
+    if isinstance(entry, Constant):  # a number as a function of time
         return
-    if isinstance(at, Table) or entry_names(at if isinstance(at, tuple) else ()):
-        raise InputError(f"{name!r} is a table, name an entry of it: {', '.join(entry_keys(at))}")
+    if isinstance(entry, Table) or entry_names(entry if isinstance(entry, tuple) else ()):
+        raise InputError(f"{name!r} is a table, name an entry of it: {', '.join(entry_keys(entry))}")
 
 
 def split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:
@@ -227,9 +227,9 @@ def split_joint(path: str, joints: Iterable[str]) -> tuple[str, str]:
     return joint, rest
 
 
-def _with_joint_values(part: ImportedModel, prefix: str, joint_values: Mapping[str, object]) -> ImportedModel:
+def _with_joint_values(imported: ImportedModel, prefix: str, joint_values: Mapping[str, object]) -> ImportedModel:
     """Return a source with changed values of its joints and bodies."""
-    model = part.model.copy()
+    model = imported.model.copy()
     bodies: dict[str, Any] = {}
     for path, value in joint_values.items():
         names = [prefix + n for n in joint_names(model)]
@@ -238,20 +238,20 @@ def _with_joint_values(part: ImportedModel, prefix: str, joint_values: Mapping[s
         joint, rest = split_joint(path, names)
         body = bodies.get(joint) or as_body(model, joint.removeprefix(prefix))
         bodies[joint] = with_entry(body, rest, value, f"joint.{path}")
-        at = model.getJointId(joint.removeprefix(prefix))
+        index = model.getJointId(joint.removeprefix(prefix))
         if rest.startswith("rpy"):
-            model.jointPlacements[at] = placement(bodies[joint])
+            model.jointPlacements[index] = placement(bodies[joint])
         elif rest.startswith("xyz"):
-            model.jointPlacements[at] = pin.SE3(model.jointPlacements[at].rotation, np.array(bodies[joint].xyz))
+            model.jointPlacements[index] = pin.SE3(model.jointPlacements[index].rotation, np.array(bodies[joint].xyz))
         else:
-            model.inertias[at] = body_inertia(bodies[joint]) or pin.Inertia.Zero()
-    return replace(part, model=model)
+            model.inertias[index] = body_inertia(bodies[joint]) or pin.Inertia.Zero()
+    return replace(imported, model=model)
 
 
 def as_body(model: pin.Model, joint: str) -> Body:
     """Return a joint and its child body as a table of a mechanism file."""
-    at = model.getJointId(joint)
-    placement, inertia = model.jointPlacements[at], model.inertias[at]
+    index = model.getJointId(joint)
+    placement, inertia = model.jointPlacements[index], model.inertias[index]
     tensor = inertia.inertia
     return Body(
         name=joint,
@@ -280,4 +280,4 @@ def _builtin(x: object) -> Any:
 
 
 def _without_visuals(spec: ModelSpec) -> ModelSpec:
-    return spec._replace(parts=[replace(p, visuals=None) for p in spec.parts])
+    return spec._replace(models=[replace(m, visuals=None) for m in spec.models])

@@ -24,12 +24,12 @@ JOINT_SYMBOL = re.compile(r"q\d*|e")
 ROTATIONAL = ("revolute", "spherical")  # kinds of friction in bearings
 
 
-def in_si(file: MechanismFile, parts: Sequence[ImportedModel], name: str) -> MechanismFile:
+def in_si(file: MechanismFile, models: Sequence[ImportedModel], name: str) -> MechanismFile:
     """Return a mechanism file with all numbers in SI units.
 
     Args:
         file: the file in its units.
-        parts: its imported sources, which are in SI units.
+        models: the imported models of its sources, which are in SI units.
         name: name of the model.
 
     Raises:
@@ -40,10 +40,8 @@ def in_si(file: MechanismFile, parts: Sequence[ImportedModel], name: str) -> Mec
         return file
     body_conversion = Conversion(file.units.units, {"q": {}, "v": {}}, {})
     tables = {key: tuple(body_conversion.table(x) for x in getattr(file, key)) for key in BODIES}
-    model, _ = build(file.model_copy(update={**tables, "lock": {}}), parts, name)
-    closures = {c.name: c.friction for part in parts for c in part.closures} | {
-        c.name: c.friction for c in file.closure
-    }
+    model, _ = build(file.model_copy(update={**tables, "lock": {}}), models, name)
+    closures = {c.name: c.friction for m in models for c in m.closures} | {c.name: c.friction for c in file.closure}
     conversion = Conversion(file.units.units, joint_coordinate_units(model), closures)
     out: MechanismFile = conversion.table(file.model_copy(update={"units": FileUnits()}))
     return out
@@ -139,8 +137,8 @@ class Conversion:
 
     def _velocity_units(self, names: Sequence[str]) -> Iterator[str]:
         """Yield rad or m for each velocity of joints; of all joints without names."""
-        for joint, of in self.coordinates["v"].items():
-            for name, unit in of.items():
+        for joint, units in self.coordinates["v"].items():
+            for name, unit in units.items():
                 if not names or joint in names or name in names:
                     yield unit.removesuffix("/s")
 

@@ -32,7 +32,7 @@ def actuators_of(c: "MjcfModel") -> MjcfActuators:
     """Return the actuators on hinges and slides with force gain u + b_0 + b_1 length + b_2 velocity.
 
     These are motor, position, velocity, and general with affine bias, with the length of the transmission. With
-    length = gear q the torque on the joint is gear times the force, gear gain u + gear b_0 +
+    length = gear q the effort on the joint is gear times the force, gear gain u + gear b_0 +
     gear^2 (b_1 q + b_2 v): the gear of the motor is gear gain.
     """
     m, lib = c.m, c.lib
@@ -51,7 +51,7 @@ def actuators_of(c: "MjcfModel") -> MjcfActuators:
         gear = float(m.actuator_gear[_address(m, "actuator_outadr", i), 0])
         if joint is not None:
             _add_reflected_inertia(c, i, joint, gear)
-        if not _active(c, i):
+        if not _is_enabled(c, i):
             unsupported.append(f"{name} (not active)")
         elif joint is not None and is_affine:
             control = _address(m, "actuator_ctrladr", i)
@@ -65,7 +65,7 @@ def actuators_of(c: "MjcfModel") -> MjcfActuators:
     return MjcfActuators(motors, unsupported, limited)
 
 
-def _active(c: "MjcfModel", i: int) -> bool:
+def _is_enabled(c: "MjcfModel", i: int) -> bool:
     """Return whether an actuator is enabled by the options of the file."""
     group = int(c.m.actuator_group[i])
     return not c.disables("ACTUATION") and not (0 <= group < 31 and int(c.m.opt.disableactuator) >> group & 1)
@@ -80,7 +80,7 @@ def _is_limited(c: "MjcfModel", i: int, control: int, joint: int) -> bool:
 
 
 def _scalar_joint(c: "MjcfModel", i: int) -> int | None:
-    """Return the hinge or slide of an actuator."""
+    """Return the hinge or slide on which an actuator acts; None for any other transmission."""
     transmission, joint = c.lib.mjtTrn(c.m.actuator_trntype[i]), int(c.m.actuator_trnid[i, 0])
     if transmission not in (c.lib.mjtTrn.mjTRN_JOINT, c.lib.mjtTrn.mjTRN_JOINTINPARENT):
         return None
@@ -96,10 +96,10 @@ def _add_reflected_inertia(c: "MjcfModel", i: int, joint: int, gear: float) -> N
     """Add armature and damping of an actuator to its joint (MuJoCo 4)."""
     m = c.m
     if hasattr(m, "jnt_actuatorid") and m.jnt_actuatorid[joint] == i:
-        at = c.model.joints[c.model.getJointId(c.joints[joint])].idx_v
-        c.model.armature[at] += gear**2 * m.actuator_armature[i]
+        iv = c.model.joints[c.model.getJointId(c.joints[joint])].idx_v
+        c.model.armature[iv] += gear**2 * m.actuator_armature[i]
         if not c.disables("DAMPER"):
-            c.model.damping[at] += gear**2 * m.actuator_damping[i]
+            c.model.damping[iv] += gear**2 * m.actuator_damping[i]
 
 
 def springs_of(c: "MjcfModel") -> list[JointSpring | Bushing]:
@@ -114,10 +114,10 @@ def springs_of(c: "MjcfModel") -> list[JointSpring | Bushing]:
         free = c.lib.mjtJoint(m.jnt_type[j]) == c.lib.mjtJoint.mjJNT_FREE
         parent, placement = c.joint_parents[j]
         rest_placement = placement * (pose(rest[:3], rest[3:7]) if free else pose(np.zeros(3), rest[:4]))
-        number = c.model.getJointId(c.joints[j])
+        child = c.model.getJointId(c.joints[j])
         frames = (c.unique(f"{name}.1"), c.unique(f"{name}.2"))
-        for frame, joint, at in zip(frames, (parent, number), (rest_placement, pin.SE3.Identity()), strict=True):
-            c.model.addFrame(pin.Frame(frame, joint, at, pin.FrameType.OP_FRAME))
+        for frame, joint, location in zip(frames, (parent, child), (rest_placement, pin.SE3.Identity()), strict=True):
+            c.model.addFrame(pin.Frame(frame, joint, location, pin.FrameType.OP_FRAME))
         out.append(Bushing(name=name, frames=frames, stiffness=(k if free else 0.0,) * 3 + (k,) * 3))
     return out
 

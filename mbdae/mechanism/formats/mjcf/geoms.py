@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from ....tolerances import COARSE
-from ...scene.shapes import HORIZONTAL, ground, mesh
+from ...scene.shapes import MIN_LEVEL_COSINE, ground, mesh
 from .compiled_model import MjcfModel
 from .states import pose
 
@@ -23,7 +23,7 @@ def visuals(c: MjcfModel) -> tuple[pin.GeometryModel, list[str]]:
         name = c.name("GEOM", g) or f"geom{g}"
         joint, placement = c.carriers[c.m.geom_bodyid[g]]
         in_joint = placement * pose(c.m.geom_pos[g], c.m.geom_quat[g])
-        shape = _shape(c, g, meshes, level=joint == 0 and in_joint.rotation[2, 2] > HORIZONTAL)
+        shape = _shape(c, g, meshes, level=joint == 0 and in_joint.rotation[2, 2] > MIN_LEVEL_COSINE)
         if shape is None:
             missing.append(name)
             continue

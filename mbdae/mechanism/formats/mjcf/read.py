@@ -42,7 +42,7 @@ CHECKED_ARRAYS = (
     "key_ctrl", "eq_data", "site_pos", "site_quat", "geom_pos", "geom_quat", "geom_size", "mesh_vert", "actuator_gear",
     "actuator_gainprm", "actuator_biasprm",
 )  # fmt: skip
-NEW_ARRAYS = ("actuator_armature", "actuator_damping")  # arrays of MuJoCo 4
+MUJOCO_4_ARRAYS = ("actuator_armature", "actuator_damping")  # missing in earlier versions
 
 
 def read_mjcf(path: Path, allowed: AllowedPaths, source: Source) -> ImportedModel:
@@ -114,7 +114,7 @@ def _compile(lib: ModuleType, path: Path) -> Any:
 
 def _require_finite(m: Any, name: str) -> None:
     """Reject NaN and numbers above `HUGE`, whose products may overflow; comparisons with NaN are false."""
-    for array in (*CHECKED_ARRAYS, *(x for x in NEW_ARRAYS if hasattr(m, x))):
+    for array in (*CHECKED_ARRAYS, *(x for x in MUJOCO_4_ARRAYS if hasattr(m, x))):
         if not float(np.abs(getattr(m, array)).max(initial=0)) <= HUGE:
             raise InputError(f"{name}: {array} is not finite, or beyond {HUGE:g}")
     if not np.abs(m.opt.gravity).max() <= HUGE:

@@ -4,9 +4,10 @@
 joint         MuJoCo                                      Pinocchio
 ============  ==========================================  =======================================
 hinge, slide  q, q'                                       the same
-ball          quaternion w x y z; w in the body           quaternion x y z w; w in the body
+ball          quaternion w x y z; omega in the body       quaternion x y z w; omega in the body
 free          position, quaternion w x y z;               position, quaternion x y z w;
-              v of the origin in the world, w in the body  v of the origin and w in the body
+              v of the origin in the world, omega in      v of the origin and omega in the body
+              the body
 ============  ==========================================  =======================================
 
 Both order joints depth first.

@@ -25,6 +25,7 @@ class SdfElements:
         model: the model element.
         by_name: elements of links, joints and frames.
         links: placement of each link in the world.
+        canonical: link to which the frame of the model is attached.
 
     Raises:
         InputError: for nested models, missing or duplicate names, and invalid poses.
@@ -111,7 +112,7 @@ class SdfElements:
         return out
 
     def number(self, e: Recorded | None, path: str, default: float, context: str) -> float:
-        """Return the number along a path; ``default`` if there is none."""
+        """Return the number at a path; ``default`` if there is none."""
         text = None if e is None else e.text(path)
         return default if text is None else self.parse_numbers(text, 1, context)[0]
 

@@ -95,9 +95,9 @@ class SdfJoint:
         """Return the Pinocchio joint."""
         return MOVING[self.kind](*(np.array(a.xyz) for a in self.axes))
 
-    def copy_to(self, model: pin.Model, number: int) -> None:
-        """Write damping, friction and limits of the axes into the model's arrays."""
-        moving = model.joints[number]
+    def copy_to(self, model: pin.Model, index: int) -> None:
+        """Write damping, friction and limits of the axes into the model's arrays at the joint with this index."""
+        moving = model.joints[index]
         for i, a in enumerate(self.axes):
             v, q = moving.idx_v + i, moving.idx_q + i
             model.damping[v] = a.damping

@@ -157,14 +157,14 @@ class SdfModel:
         parent = self.parent_joints[j.parent]
         if j.kind == "fixed":
             return parent
-        number = self._add(parent, j.model(), j.placement, j.name)
-        j.copy_to(self.model, number)
-        return number
+        index = self._add(parent, j.model(), j.placement, j.name)
+        j.copy_to(self.model, index)
+        return index
 
     def _add(self, parent: int, joint: pin.JointModel, placement: pin.SE3, name: str) -> int:
-        number = int(self.model.addJoint(parent, joint, self.origins[parent].actInv(placement), name))
+        index = int(self.model.addJoint(parent, joint, self.origins[parent].actInv(placement), name))
         self.origins.append(placement)
-        return number
+        return index
 
     def _add_link(self, link: str) -> None:
         """Add the frame of a link, and its fraction of the inertia, to its parent joint."""

@@ -49,7 +49,7 @@ class CutLoops(Table):
     independent: tuple[str, ...] = ()
 
 
-def add_loop_closures(part: ImportedModel, path: Path, allowed: AllowedPaths) -> ImportedModel:
+def add_loop_closures(imported: ImportedModel, path: Path, allowed: AllowedPaths) -> ImportedModel:
     """Add the closures of a loop_closures.yaml next to a URDF, or in the package above its folder ``urdf``.
 
     Raises:
@@ -61,7 +61,7 @@ def add_loop_closures(part: ImportedModel, path: Path, allowed: AllowedPaths) ->
     candidates = [path.parent / FILE, *in_package]
     found = next((file for file in candidates if file.is_file()), None)
     if found is None:
-        return part
+        return imported
     if not allowed.allows(found):
         raise access_error(FILE, found.resolve(), allowed.root)
     content: Any = yaml_table(read_text(found), FILE)
@@ -69,12 +69,12 @@ def add_loop_closures(part: ImportedModel, path: Path, allowed: AllowedPaths) ->
         loops = CutLoops.model_validate(content)
     except ValidationError as e:
         raise InputError(f"{FILE}: {one_line(e, lambda hinge: list(CutLoops.model_fields), content)}") from None
-    model = part.model
+    model = imported.model
     for name in (*loops.independent, *loops.dependent):
         find_joint(model, name)
     data = make_data(model)
     pin.forwardKinematics(model, data, pin.neutral(model))
-    frames, closures = [], []
+    frames, closures = [*imported.frames], [*imported.closures]
     for i, cut in enumerate(loops.closures, 1):
         hinge = frame_placement(model, data, _base(model)) * pin.SE3(np.eye(3), np.array(cut.point))
         names = tuple(f"loop {i} on {link}" for link in (cut.link_a, cut.link_b))
@@ -84,7 +84,7 @@ def add_loop_closures(part: ImportedModel, path: Path, allowed: AllowedPaths) ->
             frames.append(Frame(name=name, parent=link, xyz=xyz, rpy=rpy))
         closures.append(Closure(kind="revolute", name=f"loop {i}", frames=names, axis=cut.axis))
     motors = tuple(Motor(n, n) for n in loops.independent)
-    return replace(part, frames=(*part.frames, *frames), closures=(*part.closures, *closures), motors=motors)
+    return replace(imported, frames=tuple(frames), closures=tuple(closures), motors=motors)
 
 
 def _base(model: pin.Model) -> str:

@@ -141,12 +141,12 @@ class Linearized(NamedTuple):
         """Return E, (E f)_x, (E f)_z and g_x, see `mbdae.system.Linearization`."""
         (J, dJv), p = self.tangent_map, self.partials
         nv, n, r = len(J), len(p.E), len(p.G)
-        back = np.linalg.inv(J)  # from x to the tangent at q
+        inverse = np.linalg.inv(J)  # from x to the tangent at q
         E, A = np.eye(nv + n), np.zeros((nv + n, nv + n))
         E[nv:, nv:], A[:nv, :nv], A[:nv, nv : 2 * nv] = p.E, dJv, J
-        A[nv:, :nv], A[nv:, nv:] = p.K @ back, p.D
+        A[nv:, :nv], A[nv:, nv:] = p.K @ inverse, p.D
         L = np.vstack([np.zeros((nv, r)), p.L])
-        return E, A, L, np.hstack([p.B @ back, padded(p.G, n)])
+        return E, A, L, np.hstack([p.B @ inverse, padded(p.G, n)])
 
     def solver(self, matrix: Array) -> Callable[[Array], Array]:
         """Factorize a matrix, count it, and return b -> matrix^-1 b."""
@@ -169,11 +169,11 @@ class Linearized(NamedTuple):
         n, nv = len(upper), len(J)
         matrix = np.zeros((n + len(G), n + len(G)), upper.dtype)
         matrix[:n, :n], matrix[:n, n:], matrix[n:, :nv] = upper, -self.partials.L, G + mu * BS.dot(J)
-        back = self.solver(matrix)
+        solve_matrix = self.solver(matrix)
 
         def solve(r: Array, c: Array) -> tuple[Array, Array]:
             self.counts.solves += 1
-            u = back(np.concatenate((r[nv:] + KS.dot(r[:nv]), c / mu - BS.dot(r[:nv]))))
+            u = solve_matrix(np.concatenate((r[nv:] + KS.dot(r[:nv]), c / mu - BS.dot(r[:nv]))))
             return np.concatenate((J.dot(S.dot(r[:nv] + mu * J.dot(u[:nv]))), u[:n])), u[n:]
 
         return solve

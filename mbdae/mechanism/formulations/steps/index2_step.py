@@ -24,17 +24,17 @@ class Index2Chart(ImplicitStages):
         """Return the first stage (x', v', s', w') from `carry`, (nv + ns + 1,), x' = v, and no multipliers."""
         return np.concatenate([self.v, carry]), np.empty(0)
 
-    def stage(self, t: float, x: Array, that: float, xhat: Array, factor: float) -> tuple[Array, Array]:
+    def stage(self, t: float, x: Array, t_hat: float, xhat: Array, factor: float) -> tuple[Array, Array]:
         """Solve a saddle-point system with G at two configurations (Hairer, Wanner II, (VII.6.8))."""
         s, m, nv = self.system, self.system.manifold, self.system.nv
         q, v = m.integrate(self.q, x[:nv]), self.v + x[nv : 2 * nv]
         U, (f, rates) = s.inertia(t, q), s.force(t, q, v, self.s + x[2 * nv : -1])
         G = s.jacobian()
         slips = s.closure_friction.slip_terms(v) if s.closure_friction else None
-        dx, Ghat = self.solve_stage(that, x[:nv], v, xhat[:nv], factor, U, G)
+        dx, Ghat = self.solve_stage(t_hat, x[:nv], v, xhat[:nv], factor, U, G)
         rate = Ghat.dot(self.v + xhat[nv : 2 * nv])
         if s.driven:
-            rate += s.g_t(that)[self.rows]
+            rate += s.g_t(t_hat)[self.rows]
         vdot, lam = s.solve(t, U, G, self.rows, Ghat, f, rate / -factor, rates, slips)
         if s.driven:
             rates[-1] -= lam @ s.g_t(t)[self.rows]
@@ -42,7 +42,7 @@ class Index2Chart(ImplicitStages):
         return np.concatenate((dx, vdot, rates)), lam
 
     def solve_stage(
-        self, that: float, x: Array, v: Array, xhat: Array, factor: float, U: Array, G: Array
+        self, t_hat: float, x: Array, v: Array, xhat: Array, factor: float, U: Array, G: Array
     ) -> tuple[Array, Array]:
         """Return x' = J(x) v (nv,), and G (r, nv) at q_n (+) (xhat + factor x'), where the stage constraint applies.
 

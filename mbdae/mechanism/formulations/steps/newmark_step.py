@@ -31,8 +31,8 @@ class NewmarkStep:
         self.rows = system.rows_of_step(t, y)
         self.chart = Index2Chart(system, t, y, self.rows)
         U, G = system.point(t, self.chart.q)
-        normal = stabilized and len(self.rows)
-        self.normal = lapack().dpotrs(U, G[self.rows].T)[0] if normal else np.zeros((system.nv, 0))
+        has_mu = stabilized and len(self.rows)
+        self.normal = lapack().dpotrs(U, G[self.rows].T)[0] if has_mu else np.zeros((system.nv, 0))
 
     @property
     def size(self) -> int:
@@ -60,18 +60,18 @@ class NewmarkStep:
             StepError: if the matrix is singular.
         """
         s, r, nv, n, (b1, b2) = self.system, len(self.rows), self.system.nv, len(du), self.factors
-        t, full, lam = self.t + self.h, self.displacement(du, z), z[:r]
-        x = full[:nv]
-        left, rate = self.chart.residual(t, full, np.concatenate([du[:nv], du]), lam)
+        t, dy, lam = self.t + self.h, self.displacement(du, z), z[:r]
+        x = dy[:nv]
+        residual, rate = self.chart.residual(t, dy, np.concatenate([du[:nv], du]), lam)
         g = s.constraints.residual(t)[self.rows]
-        p = s.partials(t, s.manifold.integrate(self.chart.q, x), self.y[s.nq :] + full[nv:], du[:nv], lam, self.rows)
+        p = s.partials(t, s.manifold.integrate(self.chart.q, x), self.y[s.nq :] + dy[nv:], du[:nv], lam, self.rows)
         V = s.manifold.velocity(x, np.eye(nv))
         KV, BV, GV = p.K @ V, p.B @ V, p.G @ V
         upper = p.E - b1 * p.D
         upper[:, :nv] -= b2 * KV
         scaled = b2 * self.normal  # mu in units of accelerations
         blocks = [[upper, -p.L, -KV @ scaled], [padded(GV, n), np.zeros((r, r)), GV @ self.normal]]
-        right = [left[nv:], -g / b2]
+        right = [residual[nv:], -g / b2]
         if self.stabilized:
             blocks.insert(1, [padded(p.G + b2 / b1 * BV, n), np.zeros((r, r)), b2 / b1 * BV @ self.normal])
             right.insert(1, rate / b1)
@@ -83,12 +83,12 @@ class NewmarkStep:
         return found[:n], found[n:]
 
     def measure(self, change: Array, du: Array) -> tuple[float, float]:
-        """Return the magnitudes of a change of v_1, and of positions divided by h, relative to the largest speed."""
+        """Return the sizes of a change of v_1 and of v_1 + q/h, relative to the largest speed."""
         mech, nv = self.system.mechanism, self.system.nv
         scales, speeds = mech.coordinate_scales, np.abs(self.chart.v) + np.abs(self.h * du[:nv])
         speed = float((speeds / scales).max()) + np.finfo(float).tiny
-        positions = 1 + (1 + float(np.abs(self.chart.q / mech.q_scales).max())) / (abs(self.h) * speed)
-        return float(np.abs(self.h * change[:nv] / scales).max()) / speed, positions
+        scale = 1 + (1 + float(np.abs(self.chart.q / mech.q_scales).max())) / (abs(self.h) * speed)
+        return float(np.abs(self.h * change[:nv] / scales).max()) / speed, scale
 
     def end(self, du: Array, z: Array) -> tuple[Array, Array]:
         """Return the displacement of y, (ny,), and lam of all rows, (ng,)."""

@@ -101,16 +101,16 @@ class RollingStiction(Switch):
         """Return whether steps of size h do not resolve the rotation of the slip, whose rate is friction / (m |v|)."""
         slip, acceleration = point.rate[self.no_slip], self._acceleration(point)
         speed = float(np.linalg.norm(slip))
-        across = acceleration - slip * (slip @ acceleration) / speed**2
-        if not h * np.linalg.norm(across) > MAX_ROTATION * speed:
+        transverse = acceleration - slip * (slip @ acceleration) / speed**2
+        if not h * np.linalg.norm(transverse) > MAX_ROTATION * speed:
             return False
         active = point.system.closure_friction.active
         active[self.friction_index] = False
         try:
-            without = self._acceleration(type(point)(point.system, point.all_rows, point.t, point.y))
+            frictionless = self._acceleration(type(point)(point.system, point.all_rows, point.t, point.y))
         finally:
             active[self.friction_index] = True
-        return h * float(np.linalg.norm(acceleration - without)) > STABLE * speed
+        return h * float(np.linalg.norm(acceleration - frictionless)) > STABLE * speed
 
     def _acceleration(self, point: "ModePoint") -> "Array":
         return np.array([point.acceleration(row) for row in self.no_slip])
@@ -136,9 +136,7 @@ class RollingStiction(Switch):
         if state == STICKING:
             ratio = lambda x: self.friction_ratio(x.lam)  # noqa: E731
             return (
-                Guard(
-                    "slip", self.name, self.index, self.margin, needs_multipliers=True, monitored_multiplier=ratio
-                ),
+                Guard("slip", self.name, self.index, self.margin, needs_multipliers=True, monitored_multiplier=ratio),
             )
         return (self.slip_guard(),) if state == SLIDING else ()
 
@@ -159,9 +157,7 @@ class RollingStiction(Switch):
         if size:
             point.system.closure_friction.directions[self.friction_index][:] = -lam[self.no_slip] / size
 
-    def next_state(
-        self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool
-    ) -> int:
+    def next_state(self, point: "ModePoint", lam: Sequence[float], rates: Sequence[float], active: bool) -> int:
         if active:
             return STICKING
         if point.system.mode[self.index] == STICKING:

@@ -49,7 +49,7 @@ def branch_point(curve: PoseCurve, i: int) -> BranchPoint | None:
     a, b, c = (form := N.T @ (K + K.T) @ N / 2)[0, 0], form[0, 1], form[1, 1]
     if not b * b - a * c > SOLUTION_ROUNDING * np.abs(form).max() ** 2:
         return None
-    values, vectors = np.linalg.eigh(form)  # eigenvalues of opposite signs: y = sqrt(-w_0) e_1 +- sqrt(w_1) e_0
+    values, vectors = np.linalg.eigh(form)  # eigenvalues mu of opposite signs: y = sqrt(-mu_0) e_1 +- sqrt(mu_1) e_0
     first, second = np.sqrt(values[1]) * vectors[:, 0], np.sqrt(-values[0]) * vectors[:, 1]
     tangents = np.array([N @ (first + second), N @ (first - second)])
     return BranchPoint(u, q, tangents / np.linalg.norm(tangents, axis=1)[:, None])

@@ -127,7 +127,7 @@ def _crossing_point(curve: PoseCurve, i: int, step: tuple[float, float], w: floa
     """Return the point after node i with the input w, within a range of arclengths of the step."""
     low, high = (curve.at(i, ds).u - w for ds in step)
     if low * high < 0:
-        at = curve.at(i, float(brentq(lambda x: curve.at(i, x).u - w, *step, xtol=COINCIDENT)))
+        point = curve.at(i, float(brentq(lambda x: curve.at(i, x).u - w, *step, xtol=COINCIDENT)))
     else:
-        at = curve.at(i, step[0] if abs(low) < abs(high) else step[1])
-    return curve.at_input(at, w) or at
+        point = curve.at(i, step[0] if abs(low) < abs(high) else step[1])
+    return curve.at_input(point, w) or point

@@ -23,7 +23,7 @@ class CurveLocation(NamedTuple):
 
 
 class Events(NamedTuple):
-    """Special points of a curve: dead points of the input, and branch points by the node before them."""
+    """Special points of a curve: dead points of the input joint, and branch points by the node before them."""
 
     dead_points: list[CurveLocation]
     branch_points: dict[int, BranchPoint]

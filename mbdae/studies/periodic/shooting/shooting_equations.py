@@ -27,7 +27,7 @@ from .flow import Flow, FlowTangent, require_same_rows
 
 MAX_REFINEMENTS = 12
 HALVED_STEPS = 2**6  # factor of rtol that halves the steps of a method of order 6
-SHORTEST = 0.5  # smallest ratio of the periods of successive iterations
+MIN_PERIOD_RATIO = 0.5  # smallest ratio of the periods of successive iterations
 
 
 @dataclass(frozen=True)
@@ -240,7 +240,7 @@ class ShootingEquations:
             nodes.append(np.concatenate([q, v, s, [0.0]]))
         period = int(self.cycle.unknown_period)
         T = guess.T + (step[n * k] if period else 0.0)
-        if not SHORTEST * sum(self.durations) < T:
+        if not MIN_PERIOD_RATIO * sum(self.durations) < T:
             raise InputError(f"the period shrank to {T:.3g} s: give a better guess of the motion or of T")
         advance = step[n * k + period : n * k + period + len(guess.sigma)]
         return replace(guess, nodes=nodes, T=float(T), sigma=guess.sigma + advance, modes=self.modes)

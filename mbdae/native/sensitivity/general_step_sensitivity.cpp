@@ -1,5 +1,5 @@
 // Linear systems of the stages of a step, and their tangent and adjoint solutions.
-#include "sensitivity/coupled_stages.hpp"
+#include "sensitivity/general_step_sensitivity.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@ namespace mbdae {
 
 namespace {
 
-constexpr int halvings = 6;  // of the step, to obtain an initial guess
+constexpr int max_halvings = 6;  // largest number of halvings of the step, to obtain an initial guess
 
 }  // namespace
 
@@ -16,9 +16,9 @@ StepCoefficients::StepCoefficients(const Tableau& a)
     : n(a.n), first(a.explicit_first), A(a.A), Ahat(a.Ahat), b(a.b), c(a.c), chat(a.chat) {}
 
 StepCoefficients::StepCoefficients(const Radau& a)
-    : n(a.s), coupled(true), A(a.A), Ahat(a.A), b(a.A.end() - a.s, a.A.end()), c(a.c), chat(a.c) {}
+    : n(a.s), fully_implicit(true), A(a.A), Ahat(a.A), b(a.A.end() - a.s, a.A.end()), c(a.c), chat(a.c) {}
 
-void CoupledStages::System::factorize(Matrix a) {
+void GeneralStepSensitivity::System::factorize(Matrix a) {
   A = std::move(a);
   const int n = static_cast<int>(A.rows());
   lu.resize(n);
@@ -26,7 +26,7 @@ void CoupledStages::System::factorize(Matrix a) {
   if (!lu.factorize()) throw FallBackToPython();
 }
 
-CoupledStages::Matrix CoupledStages::System::solve(const Matrix& b) const {
+GeneralStepSensitivity::Matrix GeneralStepSensitivity::System::solve(const Matrix& b) const {
   const int n = lu.size();
   Matrix x = b;
   Eigen::VectorXd residual(n);
@@ -44,7 +44,7 @@ CoupledStages::Matrix CoupledStages::System::solve(const Matrix& b) const {
   return x;
 }
 
-CoupledStages::Matrix CoupledStages::System::solve_transposed(const Matrix& b) const {
+GeneralStepSensitivity::Matrix GeneralStepSensitivity::System::solve_transposed(const Matrix& b) const {
   const int n = lu.size();
   Matrix x = b;
   Eigen::VectorXd residual(n);
@@ -57,14 +57,14 @@ CoupledStages::Matrix CoupledStages::System::solve_transposed(const Matrix& b) c
   return x;
 }
 
-CoupledStages::CoupledStages(Index2System& s, ParameterPartials& parameters, bool forward, StepCoefficients a,
+GeneralStepSensitivity::GeneralStepSensitivity(Index2System& s, ParameterPartials& parameters, bool forward, StepCoefficients a,
                              std::unique_ptr<StageRecorder> steps)
     : s_(s), parameters_(parameters), forward_(forward), a_(std::move(a)), steps_(std::move(steps)) {
   for (int i = a_.first; i < a_.n; ++i) stages_.emplace_back(new StageEquations(s, parameters, forward));
-  systems_.resize(a_.coupled ? 1 : stages_.size());
+  systems_.resize(a_.fully_implicit ? 1 : stages_.size());
 }
 
-void CoupledStages::couple(Rows<double>& matrix, int i, int j) const {
+void GeneralStepSensitivity::add_stage_partials(Rows<double>& matrix, int i, int j) const {
   const int nv = s_.nv;
   const StageEquations& e = *stages_[i - a_.first];
   const double a = h_ * a_.A[i * a_.n + j], ahat = h_ * a_.Ahat[i * a_.n + j];
@@ -72,12 +72,12 @@ void CoupledStages::couple(Rows<double>& matrix, int i, int j) const {
   matrix.leftCols(2 * nv) += ahat * e.xhat;
 }
 
-void CoupledStages::repeat(double t, double h, const State& in, State& out) {
+void GeneralStepSensitivity::repeat(double t, double h, const State& in, State& out) {
   h_ = h, r_ = static_cast<int>(s_.rows.in_use().size());
   try {
     steps_->take(t, h, in, out);
   } catch (const StepTooLong&) {
-    newton(t, h, in, halvings);
+    newton(t, h, in, max_halvings);
     steps_->finish(in, out);
   }
   linearize(in.y);
@@ -86,7 +86,7 @@ void CoupledStages::repeat(double t, double h, const State& in, State& out) {
   s_.manifold.integrate_partials(x.data(), x.data(), end_);
 }
 
-void CoupledStages::newton(double t, double h, const State& in, int halvings_left) {
+void GeneralStepSensitivity::newton(double t, double h, const State& in, int halvings_left) {
   for (bool from_half_step : {false, true}) {
     if (from_half_step) {
       if (!halvings_left) break;
@@ -113,30 +113,30 @@ void CoupledStages::newton(double t, double h, const State& in, int halvings_lef
   throw StepTooLong();
 }
 
-void CoupledStages::linearize(const Vector& y) {
+void GeneralStepSensitivity::linearize(const Vector& y) {
   const int n = static_cast<int>(stages_.size());
   for (int i = 0; i < n; ++i) stages_[i]->take(y.data(), steps_->stages[i], steps_->positions);
-  if (a_.coupled) {
+  if (a_.fully_implicit) {
     const int m = n ? stages_[0]->size() : 0;
     Matrix matrix = Matrix::Zero(n * m, n * m);
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < n; ++j) {
         Rows<double> block = Rows<double>::Zero(m, m);
         if (i == j) block = stages_[i]->unknown_partials;
-        couple(block, i, j);
+        add_stage_partials(block, i, j);
         matrix.block(i * m, j * m, m, m) = block;
       }
     systems_[0].factorize(std::move(matrix));
   } else {
     for (int i = 0; i < n; ++i) {
       Rows<double> block = stages_[i]->unknown_partials;
-      couple(block, i + a_.first, i + a_.first);
+      add_stage_partials(block, i + a_.first, i + a_.first);
       systems_[i].factorize(block);
     }
   }
 }
 
-void CoupledStages::forward(int directions, double* tangents, const double* dp, const double* dh, const double* dt) {
+void GeneralStepSensitivity::forward(int directions, double* tangents, const double* dp, const double* dh, const double* dt) {
   const int n = a_.n, ny = s_.ny, nv = s_.nv, first = a_.first, mu_size = mu_velocity_start() < 0 ? 0 : nv,
             carry_size = ny - nv;
   const int width = ny + (first ? mu_size + carry_size : 0), k = forward_ ? static_cast<int>(parameters_.count()) : 0;
@@ -152,7 +152,7 @@ void CoupledStages::forward(int directions, double* tangents, const double* dp, 
     dF[0].topRows(nv) = dy.middleRows(nv, nv), dF[0].bottomRows(carry_size) = tangent_matrix.bottomRows(carry_size);
     if (mu_size) dF[0].topRows(nv) += tangent_matrix.middleRows(ny, nv);
   }
-  Matrix rhs(a_.coupled ? m * (n - first) : 0, directions);
+  Matrix rhs(a_.fully_implicit ? m * (n - first) : 0, directions);
   for (int i = first; i < n; ++i) {
     const StageEquations& e = *stages_[i - first];
     Matrix b = -(e.y.lazyProduct(dy));
@@ -160,14 +160,14 @@ void CoupledStages::forward(int directions, double* tangents, const double* dp, 
     Matrix dx = Matrix::Zero(ny, directions), dxhat = dx;
     for (int j = 0; j < n; ++j) {
       const double a = a_.A[i * n + j], ahat = a_.Ahat[i * n + j];
-      if (!a_.coupled && j < i) dx += h_ * a * dF[j], dxhat += h_ * ahat * dF[j];
+      if (!a_.fully_implicit && j < i) dx += h_ * a * dF[j], dxhat += h_ * ahat * dF[j];
       if (dh) dx += a * steps_->F.row(j).transpose() * step_tangent.transpose();
       if (dh) dxhat += ahat * steps_->F.row(j).transpose() * step_tangent.transpose();
     }
     b -= e.x.lazyProduct(dx) + e.xhat.lazyProduct(dxhat.topRows(2 * nv));
-    if (dh) b -= (a_.c[i] * e.t + a_.chat[i] * e.that) * step_tangent.transpose();
-    if (dt) b -= (e.t + e.that) * Eigen::Map<const Eigen::VectorXd>(dt, directions).transpose();
-    if (a_.coupled) {
+    if (dh) b -= (a_.c[i] * e.t + a_.chat[i] * e.t_hat) * step_tangent.transpose();
+    if (dt) b -= (e.t + e.t_hat) * Eigen::Map<const Eigen::VectorXd>(dt, directions).transpose();
+    if (a_.fully_implicit) {
       rhs.middleRows((i - first) * m, m) = b;
       continue;
     }
@@ -175,7 +175,7 @@ void CoupledStages::forward(int directions, double* tangents, const double* dp, 
     dF[i] = b.topRows(ny);
     if (mu_size) mu_velocity = b.middleRows(mu_velocity_start(), nv);
   }
-  if (a_.coupled) {
+  if (a_.fully_implicit) {
     rhs = systems_[0].solve(rhs);
     for (int i = 0; i < n; ++i) dF[i] = rhs.middleRows(i * m, ny);
   }
@@ -193,7 +193,7 @@ void CoupledStages::forward(int directions, double* tangents, const double* dp, 
   tangent_matrix.bottomRows(carry_size) = dF[n - 1].bottomRows(carry_size);
 }
 
-void CoupledStages::reverse(int costs, double* cotangents) {
+void GeneralStepSensitivity::reverse(int costs, double* cotangents) {
   const int n = a_.n, ny = s_.ny, nv = s_.nv, first = a_.first, mu_size = mu_velocity_start() < 0 ? 0 : nv,
             carry_size = ny - nv;
   const int width = ny + (first ? mu_size + carry_size : 0), m = stages_.empty() ? 0 : stages_[0]->size();
@@ -209,23 +209,23 @@ void CoupledStages::reverse(int costs, double* cotangents) {
   for (int i = 0; i < n; ++i) F[i] = h_ * a_.b[i] * x;
   if (first) F[n - 1].bottomRows(carry_size) += cotangent_matrix.bottomRows(carry_size);
   const Matrix mu_velocity = cotangent_matrix.middleRows(first ? ny : 0, first ? mu_size : 0);
-  // add the cotangents that the equations of a stage contribute
-  const auto add_cotangents = [&](int i, const Matrix& mu) {
+  // add the cotangents that a stage contributes, from the adjoint variables of its equations
+  const auto add_cotangents = [&](int i, const Matrix& adjoint) {
     const StageEquations& e = *stages_[i - first];
-    out -= e.y.transpose().lazyProduct(mu);
-    stages_[i - first]->add_parameters(mu);
-    if (a_.coupled) return;
-    const Matrix X = e.x.transpose().lazyProduct(mu), Xhat = e.xhat.transpose().lazyProduct(mu);
+    out -= e.y.transpose().lazyProduct(adjoint);
+    stages_[i - first]->add_parameters(adjoint);
+    if (a_.fully_implicit) return;
+    const Matrix X = e.x.transpose().lazyProduct(adjoint), Xhat = e.xhat.transpose().lazyProduct(adjoint);
     for (int j = 0; j < i; ++j)
       F[j] -= h_ * a_.A[i * n + j] * X, F[j].topRows(2 * nv) -= h_ * a_.Ahat[i * n + j] * Xhat;
   };
-  if (a_.coupled) {
+  if (a_.fully_implicit) {
     Matrix rhs = Matrix::Zero(n * m, costs);
     for (int i = 0; i < n; ++i) rhs.middleRows(i * m, ny) = F[i];
-    const Matrix mu = systems_[0].solve_transposed(rhs);
-    for (int i = 0; i < n; ++i) add_cotangents(i, mu.middleRows(i * m, m));
+    const Matrix adjoint = systems_[0].solve_transposed(rhs);
+    for (int i = 0; i < n; ++i) add_cotangents(i, adjoint.middleRows(i * m, m));
   }
-  for (int i = n - 1; !a_.coupled && i >= first; --i) {
+  for (int i = n - 1; !a_.fully_implicit && i >= first; --i) {
     Matrix rhs = Matrix::Zero(m, costs);
     rhs.topRows(ny) = F[i];
     if (i == n - 1 && first && mu_size) rhs.middleRows(mu_velocity_start(), nv) = mu_velocity;

@@ -20,7 +20,7 @@ namespace mbdae {
 
 struct StepCoefficients {
   int n = 0, first = 0;  // number of stages, and of explicit stages
-  bool coupled = false;  // collocation: the stages are one system
+  bool fully_implicit = false;  // collocation: all stages are one system
   Vector A, Ahat, b, c, chat;
   explicit StepCoefficients(const Tableau& a);
   explicit StepCoefficients(const Radau& a);
@@ -47,9 +47,9 @@ class StageRecorder {
 std::unique_ptr<StageRecorder> recorder(Index2System& s, const Tableau& a);
 std::unique_ptr<StageRecorder> recorder(Index2System& s, const Radau& a);
 
-class CoupledStages final : public StepMap {
+class GeneralStepSensitivity final : public StepMap {
  public:
-  CoupledStages(Index2System& s, ParameterPartials& parameters, bool forward, StepCoefficients a,
+  GeneralStepSensitivity(Index2System& s, ParameterPartials& parameters, bool forward, StepCoefficients a,
                 std::unique_ptr<StageRecorder> steps);
 
   void repeat(double t, double h, const State& in, State& out) override;
@@ -69,7 +69,7 @@ class CoupledStages final : public StepMap {
 
   void linearize(const Vector& y);
   void newton(double t, double h, const State& in, int halvings);
-  void couple(Rows<double>& matrix, int i, int j) const;  // add the partials of stage i with respect to F_j
+  void add_stage_partials(Rows<double>& matrix, int i, int j) const;  // add the partials of stage i with respect to F_j
   int mu_velocity_start() const { return steps_->positions ? s_.ny + r_ : -1; }
 
   Index2System& s_;
@@ -80,7 +80,7 @@ class CoupledStages final : public StepMap {
   double h_ = 0;
   int r_ = 0;
   std::vector<std::unique_ptr<StageEquations>> stages_;
-  std::vector<System> systems_;  // of each stage, or one for all
+  std::vector<System> systems_;  // one for each stage, or one for all
   std::vector<IntegratePartialsBlock> end_;
 };
 
