@@ -46,6 +46,8 @@ class DCMotor(Force):
             raise ValueError("a dc_motor needs a resistance or an inductance")
         if self.current and not self.inductance:
             raise ValueError("the current of a dc_motor without inductance has no start value")
+        if not self.constant * self.gear:
+            raise ValueError("a dc_motor whose constant or gear is 0 has no torque")
         return self
 
     def bind(self, model: pin.Model, data: pin.Data) -> ForceElement:

@@ -169,6 +169,7 @@ WRONG = {
     'joint_pid\njoint = "arm"\nkd = 1\ncontrols = "velocity"': "kd belongs",
     'joint_pid\njoint = "arm"\nkp = 1\nrate = 0': "rate",
     'dc_motor\njoint = "arm"\nvoltage = 1\nresistance = 0\nconstant = 1': "needs a resistance or an inductance",
+    'dc_motor\njoint = "arm"\nvoltage = 1\nresistance = 1\nconstant = 1\ngear = 0': "gear is 0 has no torque",
     'spring_damper\nframes = ["world", "arm"]\nforce = "much"': "force",
     "magnet": "magnet",
 }
