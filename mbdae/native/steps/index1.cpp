@@ -9,10 +9,10 @@ namespace mbdae {
 
 void Index1Step::stage(double t, double, double, double* F, bool) {
   set_stage_state();
-  s_.point.evaluate(q_.data(), true);
+  s_.point.evaluate(q_.data(), true, v_.data());
   std::copy(v_.begin(), v_.end(), F);
   s_.manifold.tangent(x_.data(), F);
-  s_.accelerate(t, q_.data(), v_.data(), s_in_.data(), F + nv_, F + 2 * nv_);
+  s_.accelerate(t, q_.data(), v_.data(), s_in_.data(), F + nv_, F + 2 * nv_, true);
   lam_ = s_.multipliers();
 }
 

@@ -90,8 +90,8 @@ void Configuration::scale_rows(const std::vector<int>& selected, const Vector& G
   }
 }
 
-void Configuration::evaluate(const double* q, bool counted) {
-  inertia(q);
+void Configuration::evaluate(const double* q, bool counted, const double* v) {
+  v ? dynamics(q, v, false) : inertia(q);
   constraints_.value(m_, q, constraints_.all, G.data(), g.data());
   scale_rows(constraints_.all);
   if (counted) counts_.M += 1, counts_.factorizations += 1, counts_.G += !g.empty();

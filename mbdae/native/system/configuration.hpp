@@ -17,7 +17,8 @@ class Configuration {
 
   void inertia(const double* q);                                        // M and its factors; G, Z become invalid
   void dynamics(const double* q, const double* v, bool with_partials);  // also nle, or terms of partials
-  void evaluate(const double* q, bool counted);                         // M, and all rows of G and Z
+  // M, and all rows of G and Z; with v also nle
+  void evaluate(const double* q, bool counted, const double* v = nullptr);
   void scale_rows(const std::vector<int>& selected) { scale_rows(selected, G, Z); }     // Z of these rows
   void scale_rows(const std::vector<int>& selected, const Vector& G, Vector& Z) const;  // from another G
   void solve_root(double* x) const;                             // x := R^-1 x

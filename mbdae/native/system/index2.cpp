@@ -153,15 +153,14 @@ void Index2System::solve(const Vector& Zhat, double* rhs, double* f, double* pow
 }
 
 void Index2System::accelerate(double t, const double* q, const double* v, const double* s, double* vdot,
-                              double* rates) {
+                              double* rates, bool biased) {
   if (friction) friction.update_slips(v, false);
-  forces(t, q, v, s, vdot, rates);
+  forces(t, q, v, s, vdot, rates, biased);
   if (ng) {
     if (!rows.frozen) rows.select_if_triggered(point.Z, point.stamp());
-    tree.motions(q, v);
     std::fill(gt_.begin(), gt_.end(), 0.0);
     constraints.evaluate_g_tt(t, gt_.data());
-    constraints.bias(tree, q, v, rows.in_use(), lam_.data());
+    constraints.bias(tree, q, v, rows.in_use(), lam_.data(), true);
     for (int k : rows.in_use()) lam_[k] = -(lam_[k] + gt_[k]);
     std::fill(gt_.begin(), gt_.end(), 0.0);
     constraints.evaluate_g_t(t, gt_.data());
@@ -191,14 +190,15 @@ bool Index2System::is_last_stage(double t, const double* q, const double* v, con
 
 void Index2System::derivative(double t, const double* y, double* F, double* z) {
   const double *q = y, *v = y + nq, *s = v + nv;
-  if (point.is_exactly_current(q)) {
+  const bool current = point.is_exactly_current(q);
+  if (current) {
     tree.poses(q);
     counts.M += 1, counts.factorizations += 1, counts.G += ng > 0;
   } else {
-    point.evaluate(q, true);
+    point.evaluate(q, true, v);
   }
   std::copy(v, v + nv, F);
-  accelerate(t, q, v, s, F + nv, F + 2 * nv);
+  accelerate(t, q, v, s, F + nv, F + 2 * nv, !current);
   saddle.all_multipliers(lam_.data(), z);
 }
 

@@ -129,8 +129,10 @@ class Index2System {
   // Replace rhs (ng,) by lam and f (nv,) by v', and add the power of friction; requires current G, and slip directions
   // of closure friction.
   void solve(const Vector& Zhat, double* rhs, double* f, double* power);
-  // v' (nv,) and the rates from the hidden constraint; requires `point` at q; sets `multipliers`.
-  void accelerate(double t, const double* q, const double* v, const double* s, double* vdot, double* rates);
+  // v' (nv,) and the rates from the hidden constraint; requires `point` at q, and if `biased` nle at (q, v); sets
+  // `multipliers`.
+  void accelerate(double t, const double* q, const double* v, const double* s, double* vdot, double* rates,
+                  bool biased);
   // y' (ny,) and lam (ng,) from the hidden constraint.
   void derivative(double t, const double* y, double* F, double* z);
   // Like derivative(), without Baumgarte terms, at the end of a step. Keeps the rows in use, and reuses the last stage
