@@ -64,7 +64,8 @@ void NewmarkStep::correct(const GeneralizedAlpha& a, double t, Vector& dx) {
     // mu
     nonzero.clear();
     for (size_t j = 0; j < nv; ++j) {
-      matrix_.column(static_cast<int>(j))[i] += (du_partials ? factor * du_partials[j] : 0) + weight * dx_partials[j];
+      const double entry = (du_partials ? factor * du_partials[j] : 0) + weight * dx_partials[j];
+      if (entry != 0) matrix_.column(static_cast<int>(j))[i] += entry;
       if (dx_partials[j] != 0) nonzero.push_back(j);
     }
     for (int k = 0; k < m; ++k) {
@@ -75,7 +76,8 @@ void NewmarkStep::correct(const GeneralizedAlpha& a, double t, Vector& dx) {
     }
   };
   for (size_t i = 0; i < n; ++i) {
-    for (size_t j = 0; j < n; ++j) matrix_.column(static_cast<int>(j))[i] = -b1_ * partials_.D[i * n + j];
+    for (size_t j = 0; j < n; ++j)
+      if (const double D = partials_.D[i * n + j]; D != 0) matrix_.column(static_cast<int>(j))[i] = -b1_ * D;
     if (i >= nv) matrix_.column(static_cast<int>(i))[i] += 1;
     add_to_row(static_cast<int>(i), i < nv ? &partials_.M[i * nv] : nullptr, &partials_.K[i * nv], -b2_, 1);
     dx[i] = R1_[nv + i];

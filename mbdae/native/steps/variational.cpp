@@ -44,15 +44,14 @@ void VariationalStep::evaluate_endpoint(double t, const double* q, EndpointTerms
   out.D.resize(n), out.dD_dw.resize(n * n);
   s_.generalized_force(t, q, w_.data(), nullptr, out.D.data(), &out.power);
   const double *conservative = s_.law_partials(t, q, w_.data(), nullptr), *other = conservative + n * width;
-  for (size_t i = 0; i < n; ++i) {
-    double sum = 0;
-    for (size_t j = 0; j < n; ++j) {
-      const double N = out.N[j * n + i];
-      sum += N * w_[j];
-      out.dD_dw[i * n + j] = N + conservative[i * width + n + j] + other[i * width + n + j];
-    }
-    out.D[i] += sum / 2 - gravity_forces[i];
-  }
+  for (size_t i = 0; i < n; ++i)
+    for (size_t j = 0; j < n; ++j)
+      out.dD_dw[i * n + j] = conservative[i * width + n + j] + other[i * width + n + j];
+  Vector product(n, 0.0);  // N^T w
+  for (size_t j = 0; j < n; ++j)
+    for (size_t i = 0; i < n; ++i)
+      if (const double N = out.N[j * n + i]; N != 0) product[i] += N * w_[j], out.dD_dw[i * n + j] += N;
+  for (size_t i = 0; i < n; ++i) out.D[i] += product[i] / 2 - gravity_forces[i];
 }
 
 void VariationalStep::add_transported_momentum_partials(const double* p, double* matrix) {
@@ -110,7 +109,7 @@ void VariationalStep::correct(Vector& dx) {
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) {
       const size_t entry = static_cast<size_t>(i) * n + j;
-      lu_.column(j)[i] = h_ * (matrix_[entry] - start_.dD_dw[entry] / 2);
+      if (const double x = matrix_[entry] - start_.dD_dw[entry] / 2; x != 0) lu_.column(j)[i] = h_ * x;
     }
   multiply_transposed(J_minus_, mean_.data());
   for (int i = 0; i < n; ++i) dx[i] = p_[i] - mean_[i] + h_ / 2 * start_.D[i];
@@ -119,7 +118,8 @@ void VariationalStep::correct(Vector& dx) {
     for (int i = 0; i < n; ++i) dx[i] += h_ / 2 * lam[k] * G[i], lu_.column(n + k)[i] = -G[i];
     double* row = &G_[static_cast<size_t>(rows[k]) * n];
     multiply_transposed(J_inverse_, row);
-    for (int j = 0; j < n; ++j) lu_.column(j)[n + k] = row[j];
+    for (int j = 0; j < n; ++j)
+      if (row[j] != 0) lu_.column(j)[n + k] = row[j];
     dx[n + k] = -g_[rows[k]];
   }
   for (int i = 0; i < n; ++i) dx[i] *= h_;
