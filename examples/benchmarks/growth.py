@@ -5,7 +5,9 @@ projects. The start is a run over 1e-7 s; a step is the longer run without the s
 run that crosses singular configurations, where all loops of the equal row are flat, or passes them closely. Times are
 those of the processor. Each case runs in a new process, whose peak memory is above that after a run of one four-bar.
 
-The second table has the longest unequal row from rest over 1 s, beside MuJoCo (RK4) and Exudyn (sparse solver); errors
+A table has the steps of implicit methods on unequal rows, whose matrices have a band in the order of the loops.
+
+The last table has the longest unequal row from rest over 1 s, beside MuJoCo (RK4) and Exudyn (sparse solver); errors
 of all angles are those against `pherk6` at rtol 1e-10, also the method of the measured runs of mbdae: their errors are
 differences from a tighter run of the same method.
 
@@ -35,12 +37,15 @@ import mbdae
 R = TypeVar("R")
 SIZES = (10, 30, 100, 300, 1000)
 OFFSET = 0.05  # m
+SHORT = 1e-7  # s: of a run of one step
 END = 0.2  # s: before the first singular configuration
 LONG_END = 2.0  # s: after singular configurations
 REPEATS, LEAST = 3, 0.3  # at least this many runs and seconds, the shortest of which counts
 TIMES = ("model", "assembly", "start", "step", "step of 2 s")
 PARTS = (*TIMES, "memory")
 LENGTH = 1.0  # s, of the run beside other programs
+IMPLICIT = {"radau5": {"rtol": 1e-8}, "alpha": {"step": 2e-3}, "rattle4": {"step": 2e-3}}
+IMPLICIT_SIZES, IMPLICIT_END = (10, 30, 100, 300), 0.1  # s
 STEPS = {"MuJoCo RK4": (2e-3, 1e-3), "Exudyn, sparse": (2e-3, 1e-3)}  # s
 TOLERANCES = (1e-4, 1e-6)
 REFERENCE = 1e-10  # rtol
@@ -78,7 +83,7 @@ def seconds(row: str, N: int, repeats: int, least: float) -> dict[str, float]:
     q, v = assembled(mech, N)
     found["assembly"] = process_time() - begun
     steps = {}
-    for name, end in (("start", 1e-7), ("step", END), ("step of 2 s", LONG_END)):
+    for name, end in (("start", SHORT), ("step", END), ("step of 2 s", LONG_END)):
         times: list[float] = []
         while len(times) < repeats or sum(times) < least:
             begun = process_time()
@@ -88,6 +93,21 @@ def seconds(row: str, N: int, repeats: int, least: float) -> dict[str, float]:
                 raise RuntimeError(f"N = {N}: {sol.message}")
         found[name], steps[name] = min(times), sol.stats["steps"] - 1
     return found | {x: max(0.0, found[x] - found["start"]) / n for x, n in steps.items() if x != "start"}
+
+
+def implicit_seconds(N: int, end: float) -> dict[str, float]:
+    """Seconds of the processor for a step of each implicit method, without those of a run of one step."""
+    mech = unequal(N)
+    q, v = assembled(mech, N)
+    found = {}
+    for method, settings in IMPLICIT.items():
+        times, one = [], {"step": SHORT} if "step" in settings else settings
+        for span, options in [(SHORT, one)] * 2 + [(end, settings)] * 2:
+            begun = process_time()
+            sol = mbdae.solve(mech, (0, span), q, v, method=method, **options)
+            times.append(process_time() - begun)
+        found[method] = max(0.0, times[-1] - times[1]) / (sol.stats["steps"] - 1)
+    return found
 
 
 def peak() -> float:
@@ -167,6 +187,11 @@ def main(argv: Sequence[str] | None = None) -> dict[str, dict[int, dict[str, flo
             exponents = [exponent({N: x[p] for N, x in found.items() if least <= N}) for p in PARTS]
             lines.append([f"exponent from {least}", *("-" if s is None else f"{s:.2f}" for s in exponents)])
         print(table(header, lines) + "\n")
+    steps = {N: implicit_seconds(N, 0.01 if short else IMPLICIT_END) for N in IMPLICIT_SIZES[: 2 if short else None]}
+    lines = [[str(N), *(digits(1e3 * x) for x in found.values())] for N, found in steps.items()]
+    exponents = [exponent({N: found[name] for N, found in steps.items()}) for name in IMPLICIT]
+    lines.append(["exponent", *("-" if s is None else f"{s:.2f}" for s in exponents)])
+    print(table(["N, unequal row", *(f"{name}, ms a step" for name in IMPLICIT)], lines) + "\n")
     N, end = sizes[-1], 0.1 if short else LENGTH
     header = [f"N = {N}, {end:g} s", "seconds", "error, rad", "largest \\|g\\|, m", "memory, MB"]
     print(table(header, beside(N, end, short, measure)))
