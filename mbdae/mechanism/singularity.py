@@ -70,7 +70,10 @@ def singular(system: "Index2System", t: float, y: Array, before: tuple[float, Ar
     probes = random_probe(system.ng * PROBES).reshape(-1, PROBES) / np.sqrt(PROBES) if many else np.eye(system.ng)
     rank_there, there = system.vanishing_combinations(t, q, rank, limit, probes)
     _, regular = system.vanishing_combinations(before[0], system.split(before[1])[0], rank, 0.0, probes)
-    dependence = ((there - regular) ** 2).sum(axis=1)  # squares of the rows of the difference of projections
+    vanishing, lost = there - regular, rank - rank_there
+    if lost < vanishing.shape[1]:  # an orthonormal basis; otherwise projections of unit variance estimate its rows
+        vanishing = np.linalg.svd(vanishing, full_matrices=False)[0][:, :lost]
+    dependence = (vanishing**2).sum(axis=1)  # squares of the rows of the projection
     names = [system.mechanism.row_names[int(i)] for i in np.flatnonzero(dependence > NEGLIGIBLE)]
     return Singular(t, tuple(q.tolist()), tuple(v.tolist()), rank, rank_there, tuple(dict.fromkeys(names)))
 

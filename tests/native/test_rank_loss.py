@@ -111,3 +111,26 @@ def test_a_row_crosses_flat_configurations_in_linear_time(monkeypatch):
 
     assert [x.t for x in sol.singular] == pytest.approx([quad(pace, 0, np.pi / 2)[0]], abs=1e-6)
     assert sol.singular[0].rank_there == N
+
+
+def test_closures_of_a_single_lost_rank_are_those_of_the_projection(monkeypatch):
+    """A driven row of unequal loops at a dead point: random vectors span what the unit vectors span."""
+    equal = row(False)
+    model, drivers = equal.model.copy(), [mbdae.Driver.polynomial("crank_0", (np.pi / 2, -1.0))]
+    for i in range(N + 1):
+        model.jointPlacements[model.getJointId(f"crank_{i}")].translation[0] += 0.09 * (-1) ** i
+    mech = mbdae.Mechanism(model, equal.closures, drivers=drivers)
+    guess = {name: sign * np.pi / 2 for name, sign in zip(mech.joint_names, upright(mech, 1.0)[0], strict=True)}
+    sol = mbdae.solve(mech, (0, 3.0), *mech.assemble(guess=guess), backend="native")
+    assert sol.status == "driver" or sol.singular
+    k, found = len(sol.t) - 4, []
+    points = [(sol.t[i], np.concatenate([sol.q[i], sol.v[i], [0.0]])) for i in (k, -1)]
+    for many in (singularity.MANY_ROWS, mech.ng):
+        monkeypatch.setattr(singularity, "MANY_ROWS", many)
+        system = mech.system(native=backend.load())
+        system.derivative(0.0, np.concatenate([sol.q[0], sol.v[0], [0.0]]))
+        limit = 2 * system.pivot_ratio(*points[1])
+        found.append(singularity.singular(system, *points[1], points[0], limit))
+    assert found[0].rank - found[0].rank_there == 1
+    assert found[0] == found[1]
+    assert 1 < len(found[0].closures) < N

@@ -119,16 +119,20 @@ void DenseLU<components>::resize(int n) {
 }
 
 template <int components>
-void DenseLU<components>::find_band() {
+bool DenseLU<components>::find_band() {
   position_.clear(), lower_ = upper_ = stride_ = n_, step_ = static_cast<size_t>(components) * n_, shift_ = 0;
-  if (n_ < SMALLEST) return;
+  if (n_ < SMALLEST) return true;
   std::vector<std::pair<int, int>> entries;
   const size_t most = static_cast<size_t>(n_) * n_ / 8;
   for (int j = 0; j < n_; ++j) {
     const double* a = column(j);
-    for (int i = 0; i < n_; ++i)
-      if (a[i] != 0 || (components == 2 && a[n_ + i] != 0)) entries.emplace_back(i, j);
-    if (entries.size() > most) return;
+    for (int i = 0; i < n_; ++i) {
+      const double size = components == 1 ? std::fabs(a[i]) : std::fabs(a[i]) + std::fabs(a[n_ + i]);
+      if (size == 0) continue;
+      if (!std::isfinite(size)) return false;
+      entries.emplace_back(i, j);
+    }
+    if (entries.size() > most) return true;
   }
   std::vector<std::vector<int>> neighbours(n_);
   for (const auto& [i, j] : entries)
@@ -138,7 +142,7 @@ void DenseLU<components>::find_band() {
   for (const auto& [i, j] : entries)
     below = std::max(below, position[i] - position[j]), above = std::max(above, position[j] - position[i]);
   const double band = static_cast<double>(below) * (below + above), all = static_cast<double>(n_) * n_;
-  if (6 * band > all) return;  // little work saved
+  if (6 * band > all) return true;  // little work saved
   position_ = std::move(position);
   lower_ = below, upper_ = below + above;
   const int before = upper_ + PANEL;  // rows of a column before the diagonal
@@ -146,12 +150,12 @@ void DenseLU<components>::find_band() {
   band_.assign(static_cast<size_t>(n_) * components * stride_, 0.0);
   for (const auto& [i, j] : entries)
     Scalar<components>(column(j), i, n_).write(factor(position_[j]), position_[i], stride_);
+  return true;
 }
 
 template <int components>
 bool DenseLU<components>::factorize() {
-  find_band();
-  return eliminate();
+  return find_band() && eliminate();
 }
 
 template <int components>

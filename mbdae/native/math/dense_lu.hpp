@@ -24,7 +24,7 @@ class DenseLU {
   bool positive_determinant() const;  // for a real matrix
 
  private:
-  void find_band();  // set the order and the band if they save work
+  bool find_band();  // set the order and the band if they save work; false if an entry is not finite
   bool eliminate();
   void solve_factors(double* b) const;
   void solve_factors_transposed(double* b) const;
