@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 ADJACENT_RATIO = 0.5 * POSITION_ACCURACY  # fraction of the largest ratio: smaller ones count as singular
 APPROACH = 0.5  # fraction of the time to the singular configuration: the longest step
 RETRY_FRACTION = 0.75  # fraction of the time to the singularity at the last attempt: time of the next attempt
-ERROR_REDUCTION, MAX_STALLED = 0.5, 2  # fraction of the last error: smaller reductions are limited by step errors
+ERROR_REDUCTION = 0.8  # fraction of the error of the last attempt: larger errors are limited by those of steps
 MAX_STEP_ERROR, MAX_PROJECTION = 1e3, 100.0  # times the tolerance: error due to steps; distance from the closures
 SINGULAR_RATIO = NEGLIGIBLE  # fraction of the ratio one step before: at smaller ratios the configuration is singular
 MAX_RATIO_CHANGE = 0.02  # fraction of the ratio at the start of an interval: largest change in a linear backward step
@@ -82,7 +82,7 @@ class SingularityMonitor(SingularityLocation):
 
     def _reset_history(self, first: int) -> None:
         self.monitored_from: int | None = None  # the node at which the ratio became small
-        self.last_attempt, self.stalled_attempts = (np.inf, np.inf), 0  # time to a crossing, and its error
+        self.last_attempt = np.inf, np.inf  # time to a crossing, and its error
         self._restart_ratios(first)
 
     def _restart_ratios(self, first: int) -> None:
@@ -215,7 +215,7 @@ class SingularityMonitor(SingularityLocation):
     def _leave(self, run: "RunState") -> None:
         """Return to normal steps, after a check of the branch."""
         self.check_branch(run, self.monitored_from or 0, len(run.ts) - 1)
-        self.monitored_from, self.last_attempt, self.stalled_attempts = None, (np.inf, np.inf), 0
+        self.monitored_from, self.last_attempt = None, (np.inf, np.inf)
         if self.control:
             self.control.cap = np.inf
 
@@ -239,12 +239,15 @@ class SingularityMonitor(SingularityLocation):
             return False
         crossing = self._attempt(run, time_ahead)
         if crossing is None:
+            if ratio < ADJACENT_RATIO * self.largest and time_ahead < run.time_to_interval_end():
+                text = f"a singular configuration is near t = {run.t + run.sign * time_ahead:.9g}, which no step crosses"
+                raise EventError("rank", f"{text} with this accuracy: take a larger rtol", len(run.ts) - 1)
             return False
         self.configurations.append(crossing.singular)
         self.path = crossing.path
         run.append_node(crossing.t, crossing.y, crossing.t == run.t1)
         self.control.cap, self.control.h = np.inf, APPROACH * time_ahead
-        self.last_attempt, self.stalled_attempts = (np.inf, np.inf), 0
+        self.last_attempt = np.inf, np.inf
         self._restart_ratios(len(run.ts) - 1)
         if self._ratio(*crossing[:2]) >= (MONITORED_RATIO if run.time_left() else SINGULAR_RATIO) * self.largest:
             self.check_branch(run, self.monitored_from, len(run.ts) - 1)
@@ -261,8 +264,7 @@ class SingularityMonitor(SingularityLocation):
             self.last_attempt = time_ahead, np.inf
             return None
         error, distance = self.control.tolerance_norms(run, crossing.y, np.array([crossing.error, crossing.correction]))
-        self.stalled_attempts = self.stalled_attempts + 1 if error >= ERROR_REDUCTION * self.last_attempt[1] else 0
-        accurate = error <= 1 or (self.stalled_attempts >= MAX_STALLED and error <= MAX_STEP_ERROR)
+        accurate = error <= 1 or ERROR_REDUCTION * self.last_attempt[1] <= error <= MAX_STEP_ERROR
         if not accurate or distance > MAX_PROJECTION * max(1.0, error):
             self.last_attempt = time_ahead, error
             return None
