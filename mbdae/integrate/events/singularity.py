@@ -11,13 +11,8 @@ from ...system import Array
 from ...tolerances import NEGLIGIBLE, VISIBLE
 from .singularity_crossing import POSITION_ACCURACY, SingularityCrossing, cross_singularity
 from .singularity_location import (
-    CROSSING_RATIO,
-    MONITORED_RATIO,
-    SUSPICIOUS_RATIO,
-    SingularityLocation,
-    falls_to_zero,
-    may_vanish,
-)
+    CROSSING_RATIO, MONITORED_RATIO, SUSPICIOUS_RATIO, SingularityLocation, falls_to_zero, may_vanish,
+)  # fmt: skip
 from .source import EventError
 
 if TYPE_CHECKING:
@@ -224,7 +219,11 @@ class SingularityMonitor(SingularityLocation):
         return self.monitored_from is None and len(run.ts) - 1 != self.origin
 
     def replace_step(self, run: "RunState") -> bool:
-        """Near a singular configuration, limit the next step, or cross the configuration and return True."""
+        """Near a singular configuration, limit the next step, or cross the configuration and return True.
+
+        Raises:
+            EventError: for a configuration that the run cannot cross, or crossed onto another branch.
+        """
         at_start = len(run.ts) - 1 == self.origin
         if self.control is None or (self.monitored_from is None and not at_start):
             return False
@@ -240,7 +239,7 @@ class SingularityMonitor(SingularityLocation):
         crossing = self._attempt(run, time_ahead)
         if crossing is None:
             if ratio < ADJACENT_RATIO * self.largest and time_ahead < run.time_to_interval_end():
-                text = f"a singular configuration is near t = {run.t + run.sign * time_ahead:.9g}, which no step crosses"
+                text = f"no step crosses the singular configuration near t = {run.t + run.sign * time_ahead:.9g}"
                 raise EventError("rank", f"{text} with this accuracy: take a larger rtol", len(run.ts) - 1)
             return False
         self.configurations.append(crossing.singular)
