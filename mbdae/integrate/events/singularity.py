@@ -9,10 +9,16 @@ from ...errors import StepError
 from ...mechanism.formulations.index2 import Index2System
 from ...system import Array
 from ...tolerances import NEGLIGIBLE, VISIBLE
-from .singularity_crossing import POSITION_ACCURACY, SingularityCrossing, cross_singularity
+from .singularity_crossing import SingularityCrossing, cross_singularity
 from .singularity_location import (
-    CROSSING_RATIO, MONITORED_RATIO, SUSPICIOUS_RATIO, SingularityLocation, falls_to_zero, may_vanish,
-)  # fmt: skip
+    ADJACENT_RATIO,
+    CROSSING_RATIO,
+    MONITORED_RATIO,
+    SUSPICIOUS_RATIO,
+    SingularityLocation,
+    falls_to_zero,
+    may_vanish,
+)
 from .source import EventError
 
 if TYPE_CHECKING:
@@ -21,7 +27,6 @@ if TYPE_CHECKING:
     from ..run.step_map import StepMap
     from ..steppers.adaptive import Adaptive
 
-ADJACENT_RATIO = 0.5 * POSITION_ACCURACY  # fraction of the largest ratio: smaller ones count as singular
 APPROACH = 0.5  # fraction of the time to the singular configuration: the longest step
 RETRY_FRACTION = 0.75  # fraction of the time to the singularity at the last attempt: time of the next attempt
 ERROR_REDUCTION = 0.8  # fraction of the error of the last attempt: larger errors are limited by those of steps
@@ -100,10 +105,6 @@ class SingularityMonitor(SingularityLocation):
         limit = SINGULAR_RATIO * min(self.largest, self.ratios[-1])
         if smallest < limit or (smallest < SUSPICIOUS_RATIO * self.largest and self._ratio(t, y) < limit):
             raise StepError("rank", f"a step leads into a singular configuration, until t = {t:.17g}")
-
-    def is_adjacent(self, t: float, y: Array) -> bool:
-        """Return whether the distance to a singular configuration is below the accuracy of its position."""
-        return self._ratio(t, y) < ADJACENT_RATIO * self.largest
 
     def to_core(self, monitor: "CoreMonitor") -> None:
         """Pass the ratios so far to the core."""
@@ -287,10 +288,6 @@ class SingularityMonitor(SingularityLocation):
             dt /= 2
             before = self._ratio(run.t - run.sign * dt, run.system.add(run.ys[-1], -run.sign * dt * run.F))
         return ratio, ratio * dt / (before - ratio) if ratio < before else np.inf
-
-    def crossing_point(self, h: float, theta: float) -> Array:
-        """Return the point at theta on the last crossing, of size h."""
-        return self.path(theta * h)
 
     def _inspect_step(self, run: "RunState", k: int) -> None:
         """Inspect step k, counted from 1, whose ratio has index k."""

@@ -20,6 +20,7 @@ from ...mechanism.singularity import (
 )
 from ...system import Array
 from ...tolerances import COARSE, SEARCH_TOLERANCE, SOLUTION_ROUNDING
+from .singularity_crossing import POSITION_ACCURACY, ContinuationPolynomial
 from .source import EventError, EventSource
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ SUSPICIOUS_RATIO = 0.6  # fraction of the largest ratio so far: larger minima ar
 SMALL, NOTCH = 0.1, 0.7  # fraction of the largest ratio, or of a neighbour: smaller minima may contain a zero
 MAX_STEPS_AHEAD = 20.0  # steps: a ratio that would need more steps to vanish is small for another reason
 MONITORED_RATIO = 0.2  # fraction of the largest pivot ratio: at smaller ratios states are projected
+ADJACENT_RATIO = 0.5 * POSITION_ACCURACY  # fraction of the largest ratio: smaller ones count as singular
 CROSSING_RATIO = 0.1  # fraction of the largest ratio: at smaller ratios, a crossing is attempted
 MAX_ANGLE, ROTATION_FACTOR = 0.2, 3.0  # largest angle between tangent spaces: rad, plus a multiple of the rotation
 NEAR_FRACTIONS = 1 / 2.0 ** np.arange(6, 0, -1)  # fractions of the interval from a singularity to a node
@@ -92,7 +94,10 @@ class SingularityLocation(EventSource):
         largest: largest pivot ratio so far.
         mode_ratio: largest pivot ratio in the mode so far.
         ratio_by_mode: largest pivot ratio of each mode at its last exit.
+        path: the last crossing.
     """
+
+    path: ContinuationPolynomial
 
     def __init__(self, system: Index2System, enforces_g: bool, controlled: bool) -> None:
         self.system, self.enforces_g, self.controlled = system, enforces_g, controlled
@@ -153,6 +158,10 @@ class SingularityLocation(EventSource):
         before = w.smallest_pivot(run.ts[node - 1], run.ys[node - 1]) if w.in_use else SmallestPivot()
         self.mode_ratio = largest_in_new_mode(before, current, self.mode_ratio)
 
+    def is_adjacent(self, t: float, y: Array) -> bool:
+        """Return whether the distance to a singular configuration is below the accuracy of its position."""
+        return self._ratio(t, y) < ADJACENT_RATIO * self.largest
+
     def is_close(self, t: float, y: Array) -> bool:
         """Return whether a singular configuration is so close that the end of a step is inaccurate."""
         return self._ratio(t, y) < CROSSING_RATIO * self.mode_ratio
@@ -189,6 +198,10 @@ class SingularityLocation(EventSource):
             if self._ratio(*point) >= MONITORED_RATIO * self.largest:
                 return point
         return run.ts[node], run.ys[node]
+
+    def crossing_point(self, h: float, theta: float) -> Array:
+        """Return the point at theta on the last crossing, of size h."""
+        return self.path(theta * h)
 
     def search(self, run: "RunState", nodes: list[int]) -> None:
         """Minimize the pivot ratio over u = i + theta, the point at the fraction theta of the step from node i."""

@@ -10,8 +10,15 @@ from ...tolerances import AGREEMENT, COINCIDENT, JUMP_MARGIN, TINY
 from ..events.core_modes import set_constants
 from ..events.jumps import MAX_CLUSTER
 from ..events.level_crossing import MAX_ITERATIONS, RELATIVE_TOLERANCE, TIME_SPACINGS
-from ..events.singularity import ADJACENT_RATIO, MAX_RATIO_CHANGE, SINGULAR_RATIO
-from ..events.singularity_location import MAX_STEPS_AHEAD, MONITORED_RATIO, NOTCH, SMALL, SUSPICIOUS_RATIO
+from ..events.singularity import MAX_RATIO_CHANGE, SINGULAR_RATIO
+from ..events.singularity_location import (
+    ADJACENT_RATIO,
+    MAX_STEPS_AHEAD,
+    MONITORED_RATIO,
+    NOTCH,
+    SMALL,
+    SUSPICIOUS_RATIO,
+)
 from .adaptive import Adaptive
 from .fixed import FIXED_STEP_TOLERANCE
 from .projected_step import MAX_UNDONE
