@@ -117,11 +117,11 @@ def tangent_space_angle(system: "Index2System", before: tuple[float, Array], aft
     The tangent space is the null space of G. Along a motion it rotates smoothly; on another branch it differs. If the
     rows determine the motion, the null space is empty: the angle is that between the velocities, 0 if one is zero.
     """
-    points = [(t, *system.split(y)) for t, y in (before, after)]
+    points = [system.split(y) for _, y in (before, after)]
     if system.rank != system.nv:
-        bases = system.null_spaces([(t, q) for t, q, _ in points])
+        bases = system.null_spaces([q for q, _ in points])
     else:
-        velocities = [v / system.mechanism.coordinate_scales for *_, v in points]
+        velocities = [v / system.mechanism.coordinate_scales for _, v in points]
         speeds = [np.linalg.norm(v) for v in velocities]
         if min(speeds) <= ZERO_SPEED * max(speeds):
             return 0.0

@@ -32,15 +32,15 @@ class CoreRankLoss(Index2System):
         """See `Index2System.remaining_rows_dependent`."""
         return bool(self.core.remaining_rows_dependent(self.split(y)[0].copy(), SEARCH_TOLERANCE))
 
-    def null_spaces(self, points: list[tuple[float, Array]]) -> list[Array]:
+    def null_spaces(self, configurations: list[Array]) -> list[Array]:
         """See `Index2System.null_spaces`; from random vectors."""
         k, found = self.nv - (self.rank or 0), []
         if self.ng > MANY_ROWS:
             vectors = random_probe(k * self.nv).reshape(k, self.nv)
-            found = [self.core.admissible_velocities(q, vectors) for _, q in points]
+            found = [self.core.admissible_velocities(q, vectors) for q in configurations]
         scales = self.mechanism.coordinate_scales
         bases = [np.linalg.qr((x / scales).T)[0] for x in found if x is not None]
-        return bases if len(bases) == len(points) else super().null_spaces(points)
+        return bases if len(bases) == len(configurations) else super().null_spaces(configurations)
 
     def vanishing_combinations(
         self, t: float, q: Array, rank: int, limit: float, vectors: Array

@@ -7,18 +7,19 @@ import numpy as np
 from ...linear_solve import lapack, least_squares
 from ...system import Array
 from ..closures import independent_rows
+from ..signals.reactions import mass_scaled_jacobian
 
 if TYPE_CHECKING:
     from .index2 import Index2System
 
 
-def null_spaces(system: "Index2System", points: list[tuple[float, Array]]) -> list[Array]:
-    """Return an orthonormal basis (nv, nv - r) of the null space of G, of rank r, at points (t, q), in rad and lengths.
+def null_spaces(system: "Index2System", configurations: list[Array]) -> list[Array]:
+    """Return an orthonormal basis (nv, nv - r) of the null space of G, of rank r, at each q, in rad and lengths.
 
     Components of velocities are divided by the coordinate scales.
     """
     scales = system.mechanism.coordinate_scales
-    return [np.linalg.svd(system.jacobian(q) * scales)[2][system.rank or 0 :].T for _, q in points]
+    return [np.linalg.svd(system.jacobian(q) * scales)[2][system.rank or 0 :].T for q in configurations]
 
 
 def vanishing_combinations(
@@ -37,7 +38,7 @@ def vanishing_combinations(
     Returns:
         Number of independent rows; the projections (ng, k).
     """
-    G = _mass_scaled(system, t, q)
+    G = mass_scaled_jacobian(system, t, q)
     pivots = independent_rows.pivots(G.T)[1]
     r = min(rank, int(np.count_nonzero(pivots > limit * pivots[0])))
     left = np.linalg.svd(G)[0][:, r:]
@@ -61,8 +62,3 @@ def residual_of_dependent_rows(system: "Index2System", t: float, q: Array, limit
         q = system.manifold.integrate(q, -lapack().dgesv(U, least_squares(B.T, g, limit))[2])
     g, G = system.closures(q, t)
     return float(np.abs(g).max() / np.abs(G).max())
-
-
-def _mass_scaled(system: "Index2System", t: float, q: Array) -> Array:
-    """Return G M^-1/2 of all rows, (ng, nv)."""
-    return independent_rows.mass_scaled(system.inertia(t, q), system.jacobian()).T
